@@ -327,6 +327,29 @@ def test_before_it_is_armed_the_screen_shows_no_number_that_is_none(capsys):
     assert "waiting: no swing is sent; the operator has not armed it" in said
 
 
+@pytest.mark.parametrize(
+    ("angle_deg", "said"), [(-0.02, "0"), (359.6, "0"), (359.4, "359"), (-90, "270")]
+)
+def test_a_heading_of_a_whole_turn_is_shown_as_none(angle_deg, said):
+    assert screens._degrees("heading", np.radians(angle_deg)).split()[1] == said
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code", "is_slow"),
+    [
+        ("planned", "steering.the_end", False),
+        ("planned", "steering.no_frame", True),
+        ("overtaken", "steering.the_end", True),
+    ],
+)
+def test_a_computer_that_was_too_slow_is_told_by_rests_and_by_stances(
+    outcome, code, is_slow
+):
+    rest = SimpleNamespace(cause=SimpleNamespace(code=code))
+    done = SimpleNamespace(rests=[rest], decisions=[SimpleNamespace(outcome=outcome)])
+    assert drive._was_too_slow(done) == is_slow
+
+
 def test_a_client_that_is_missing_is_told_before_the_model_is_read(
     tmp_path, capsys, monkeypatch
 ):

@@ -58,7 +58,12 @@ def test_a_robot_is_excited_learned_driven_to_a_point_and_replayed(robot, capsys
     assert f"{strides} of {strides} strides" in out
     assert list(pd.read_csv("drive-strides/frame_changes.csv"))[2:4] == columns
     assert main(["learn", "drive-strides"]) == 0
-    assert "model.npz: learned from" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "model.npz: learned from" in out
+    assert "hopdata drive --robot NAME --model drive-strides drives with it" in out
+    assert main(["drive", "--armed", "--model", "drive-strides"]) == 1
+    wanted = f"--model: expected --robot with a model of {', '.join(columns)}, which"
+    assert wanted in capsys.readouterr().err
     drive = [*named, "--model", "drive-strides", "--seconds", str(seconds)]
     assert main([*drive, "--to=0,0", "--log", "to.h5"]) == 0
     log = read_log("to.h5")
@@ -125,7 +130,9 @@ def test_a_log_runs_no_module_that_the_user_has_not_named(capsys):
     place = "hopdata.steering.live.robots:planar_hopper"
     options = ["--armed", "--seconds", "2", "--excite", "25", "--log", "own.h5"]
     assert main(["drive", "--robot", place, *options]) == 0
+    again = f"hopdata replay own.h5 --robot {place} plays it again"
+    assert again in capsys.readouterr().out
     assert json.loads(json.dumps(read_log("own.h5").setup))["robot"] == place
     assert main(["replay", "own.h5"]) == 1
-    assert f"--robot {place} with it" in capsys.readouterr().err
+    assert f"--robot {place} in the command" in capsys.readouterr().err
     assert main(["replay", "own.h5", "--robot", place]) == 0

@@ -165,17 +165,29 @@ def _drive(
     finally:
         if log.failure:
             print(f"log: {path} holds the drive up to when {log.failure}")
-        print(f"log: {path}; hopdata replay {path} plays it again")
+        print(f"log: {path}; {_replay_of(path, options.robot)} plays it again")
     stances = counted(len(done.decisions), "stance")
     print(f"{stances}, {counted(len(done.rests), 'rest')}:")
     for rest in done.rests:
         print(f"  {rest.cause}")
     in_real_time = options.host is None and not _in_simulated_time(options)
-    if in_real_time and any(
-        rest.cause.code in OF_A_SLOW_COMPUTER for rest in done.rests
-    ):
+    if in_real_time and _was_too_slow(done):
         print("  the robot is simulated in real time, and this computer was too slow:")
         print("  something else keeps it busy, or --rate is too high for it")
+
+
+def _replay_of(path: Path, robot: str | None) -> str:
+    """Return the command that plays a log, with what it asks for."""
+    # The module of a robot is run only where the user names it again.
+    named = f" --robot {robot}" if robot is not None and ":" in robot else ""
+    return f"hopdata replay {path}{named}"
+
+
+def _was_too_slow(done: Drive) -> bool:
+    """Return whether a drive of a simulated robot shows that plans were late."""
+    causes = {rest.cause.code for rest in done.rests}
+    is_overtaken = any(one.outcome == "overtaken" for one in done.decisions)
+    return is_overtaken or not causes.isdisjoint(OF_A_SLOW_COMPUTER)
 
 
 def _in_simulated_time(options: argparse.Namespace) -> bool:
@@ -371,7 +383,8 @@ def _title(options: argparse.Namespace) -> str:
     if options.excite is not None:
         what = f"; excitation of {counted(options.excite, 'stride')}"
     if options.host is None:
-        return f"SIMULATED {options.robot or 'hopper'}; there is no robot{what}"
+        dry = ", and --dry-run changes nothing" if options.dry_run else ""
+        return f"SIMULATED {options.robot or 'hopper'}; there is no robot{dry}{what}"
     moved = "boom" if options.robot is None else "actuator"
     sent = f"{moved} at {options.boom}"
     if options.dry_run:

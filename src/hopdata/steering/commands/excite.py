@@ -209,7 +209,10 @@ def learn(options: argparse.Namespace) -> int:
     said = warning(scores)
     if said is not None:
         print(f"warning: {said}")
-    print(f"hopdata drive --model {folder} drives with it")
+    # The strides do not tell the name of their robot.
+    named = "" if is_hopper(process.axes) else " --robot NAME"
+    whose = ", with the NAME that excited the robot" if named else ""
+    print(f"hopdata drive{named} --model {folder} drives with it{whose}")
     return terminal.OK
 
 

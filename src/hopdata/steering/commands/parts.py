@@ -129,6 +129,7 @@ def parts_of(
     from hopdata.steering.control.adaptive import AdaptivePlanner
     from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
     from hopdata.steering.control.planner import planner
+    from hopdata.steering.frame_changes import is_hopper
     from hopdata.steering.models.process_file import load_process
     from hopdata.steering.observation.geometry import load_geometry
 
@@ -146,6 +147,9 @@ def parts_of(
     model: Any = process
     first_state = [0.0] * len(process.axes.states)
     if robot is None:
+        columns = ", ".join(process.axes.columns)
+        wanted = f"--robot with a model of {columns}, which is not the hopper's"
+        require(is_hopper(process.axes), "--model", wanted, "none")
         model = process.within(*horizon.limits(process.axes))
         first_state = [math.pi]
     else:

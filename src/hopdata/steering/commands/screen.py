@@ -177,7 +177,8 @@ def _metres(name: str, place_m: float) -> str:
 def _degrees(name: str, angle_rad: float) -> str:
     if math.isnan(angle_rad):
         return f"{name} not seen"
-    return f"{name} {math.degrees(angle_rad) % 360:3.0f} deg"
+    # Rounded first: a little less than a turn is 0, not 360.
+    return f"{name} {round(math.degrees(angle_rad)) % 360:3d} deg"
 
 
 def _in_unit(axis: Input | State, value: float) -> str:

@@ -126,8 +126,8 @@ def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:
         If there is none of this name, or it is something else.
     """
     if ":" in name:
-        wanted = f"--robot {name} with it, since a file may name any code"
-        require(by_user, "robot", wanted, "a name in a file")
+        wanted = f"--robot {name} in the command, since no log may run code by itself"
+        require(by_user, "robot", wanted, "the name in the log alone")
         with _working_folder_last():
             _require_module(name.partition(":")[0])
             return _checked(name, name)
