@@ -109,6 +109,20 @@ def test_kinks_that_saturate_are_found_and_measured_at_the_contact(lasting, brie
     assert brief.effect.low == over_landings.low
 
 
+def test_no_number_of_landings_is_promised_at_the_contact(lasting, brief):
+    words = "for the simultaneous contact no number of landings is known"
+    assert words in brief.outlook
+    assert words not in lasting.outlook
+
+
+def test_a_study_that_cannot_tell_names_saturation_before_landings():
+    answer = study(strength=0.5, spent_within=0.2, n=600)
+    assert answer.conclusion == "cannot tell"
+    assert answer.saturates
+    codes = [one["code"] for one in answer.what_now]
+    assert codes == ["maps.limit_saturation", "maps.limit_landings_saturates"]
+
+
 def test_a_smooth_map_seldom_saturates():
     found = [study(strength=0.0, seed=seed, n=400).saturates for seed in range(12)]
     assert sum(found) <= 1

@@ -362,7 +362,12 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     now: list[Limit] = []
     if answer.conclusion == CANNOT_TELL:
         now = what_limits_most(
-            over_landings, fit, landings, margin=margin, alike=sizes.alike
+            over_landings,
+            fit,
+            landings,
+            margin=margin,
+            alike=sizes.alike,
+            at_contact=effect if contact.saturates else None,
         )
     return Verdict(
         conclusion=answer.conclusion,
@@ -487,6 +492,9 @@ def _answer(
     needed = None
     if effect.least_allowed < ASKED:
         needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
+    could_show = outlook(effect, needed, measured.n_known, options.power)
+    if saturates:
+        could_show = Message("maps.outlook_saturates", {"outlook": could_show})
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
@@ -500,7 +508,7 @@ def _answer(
             spreads=spreads,
             over_landings=not saturates,
         ),
-        outlook=outlook(effect, needed, measured.n_known, options.power),
+        outlook=could_show,
     )
 
 

@@ -57,7 +57,7 @@ class Limit:
     ----------
     cause
         ``"landings"``, ``"noise"``, ``"posture"``, ``"spread"``, ``"drift"``,
-        ``"sections"`` or ``"orders"``.
+        ``"sections"``, ``"saturation"`` or ``"orders"``.
     costs
         By how much the detectable size would fall without it, as a share of the map;
         None if this cannot be told.
@@ -119,6 +119,7 @@ def what_limits_most(
     *,
     margin: float,
     alike: bool,
+    at_contact: EffectSize | None = None,
 ) -> list[Limit]:
     """Return the causes that limit a study, the one that costs most first.
 
@@ -130,11 +131,13 @@ def what_limits_most(
         Difference that the study is to exclude.
     alike
         Whether successive landings err alike.
+    at_contact
+        Size at the simultaneous contact, if the difference saturates.
     """
     shown = min(effect.detectable, 1e3)
     size = _Detectable(fit.allowed, max(shown - fit.allowed, 0.0), margin)
     found = [
-        _of_landings(effect, landings, size),
+        _of_landings(effect, landings, size, saturates=at_contact is not None),
         _of_noise(fit, landings, size),
         _of_posture(fit, landings, size),
         _of_spread(fit, landings),
@@ -144,11 +147,29 @@ def what_limits_most(
     least = LEAST_SHARE * shown
     listed = [one for one in found if (one.costs or 0.0) > least]
     listed.sort(key=lambda one: -(one.costs or 0.0))
-    return listed + _missing_orders(landings)
+    return _of_saturation(effect, at_contact) + listed + _missing_orders(landings)
+
+
+def _of_saturation(effect: EffectSize, at_contact: EffectSize | None) -> list[Limit]:
+    """Return what saturation adds to the bound, if it is found.
+
+    It stands first: what the others cost is told of the mean over the landings.
+    """
+    if at_contact is None:
+        return []
+    values = {
+        "bound": percent(at_contact.upper_bound),
+        "over": percent(effect.upper_bound),
+    }
+    return [Limit("saturation", None, Message("maps.limit_saturation", values))]
 
 
 def _of_landings(
-    effect: EffectSize, landings: SectionLandings, size: _Detectable
+    effect: EffectSize,
+    landings: SectionLandings,
+    size: _Detectable,
+    *,
+    saturates: bool,
 ) -> Limit:
     n_landings, n_feet = landings.expected.shape
     for_terms = inputs.landings_for_terms(n_feet)
@@ -165,7 +186,10 @@ def _of_landings(
             "landings", float(costs), Message("maps.limit_landings_no", values)
         )
     values["needed"] = f"{two_digits(needed):,}"
-    return Limit("landings", float(costs), Message("maps.limit_landings", values))
+    name = "maps.limit_landings"
+    if saturates:
+        name = "maps.limit_landings_saturates"
+    return Limit("landings", float(costs), Message(name, values))
 
 
 def share_of_noise(fit: KinkFit, landings: SectionLandings) -> float:
