@@ -68,8 +68,8 @@ def test_inspect_draws_its_tables(faulty):
     text = SIGNS.sub("", written)
     lines = text.replace("\r", "\n").split("\n")
     assert all(len(line) <= 80 for line in lines if faulty.name not in line)
-    assert re.search(r"marker +height +gaps", text)
-    assert re.search(r"\[bold\] +[▁▂▃▄▅▆▇█]{50} +no gap", text)
+    assert re.search(r"marker +height +between +gaps", text)
+    assert re.search(r"\[bold\] +[▁▂▃▄▅▆▇█]{40} +0.14 to 0.43 m +no gap", text)
     assert re.search(r"kind +frame +s +what", text)
     assert re.search(r"spike +401 +4.000 +:smile: is 62.0 mm off for 1 frame", text)
     assert "1 suspect: 1 spike." in text

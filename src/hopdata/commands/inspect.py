@@ -116,11 +116,12 @@ def _draw(
 
     width = terminal.width(listing.WIDTH)
     head = listing.head(inspection, file, lines, width=width)
-    legend = listing.legend(inspection, width)
+    columns = listing.columns_that_fit(inspection, width)
+    legend = listing.legend(inspection, width, columns)
     print(encodable("\n".join([*head, "", *legend])))
     terminal.draw_table(
         dict.fromkeys(listing.PICTURE, "left"),
-        [tuple(map(encodable, row)) for row in listing.picture(inspection)],
+        [tuple(map(encodable, row)) for row in listing.picture(inspection, columns)],
     )
     suspects = inspection.suspects()
     print(f"  {listing.answer(inspection)}")

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 # Sizes of the listing: characters of a line, columns of the picture, suspects shown.
 WIDTH = 100
 COLUMNS = 50
+# Least columns of a narrow picture, and the spaces beside the columns of its table.
+LEAST_COLUMNS = 20
+MARGINS = 13
 # Columns of the picture's table.
 PICTURE = ("marker", "height", "between", "gaps")
 # Time that the picture shows of a long recording, s, and how many spans begin in one.
@@ -220,22 +223,26 @@ def _listed_picture(inspection: Inspection) -> list[str]:
     return lines
 
 
-def picture(inspection: Inspection) -> list[tuple[str, str, str, str]]:
+def picture(
+    inspection: Inspection, most_columns: int = COLUMNS
+) -> list[tuple[str, str, str, str]]:
     """Return for each marker what the columns `PICTURE` say."""
     rows = []
-    bars = _bars(inspection)
+    bars = _bars(inspection, most_columns)
     for marker, gaps in enumerate(inspection.gaps):
         span = _span_of(inspection.positions[:, marker, 2])
         rows.append((gaps.marker, bars[marker], span, _in_numbers(gaps, inspection)))
     return rows
 
 
-def legend(inspection: Inspection, width: int) -> list[str]:
+def legend(
+    inspection: Inspection, width: int, most_columns: int = COLUMNS
+) -> list[str]:
     """Say what the picture shows: of which time, and what its signs mean."""
     shown = _shown(inspection)
     n_frames = shown.stop - shown.start
     shown_s = n_frames / inspection.rate_hz
-    column_s = shown_s / _n_columns(n_frames)
+    column_s = shown_s / max(1, min(most_columns, n_frames))
     span = ""
     if n_frames < len(inspection.time):
         begin_s = inspection.time[shown.start] - inspection.time[0]
@@ -248,8 +255,11 @@ def legend(inspection: Inspection, width: int) -> list[str]:
     return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="  ")
 
 
-def _n_columns(n_frames: int) -> int:
-    return max(1, min(COLUMNS, n_frames))
+def columns_that_fit(inspection: Inspection, width: int) -> int:
+    """Return how many columns the heights may have in a table of a terminal."""
+    others = [(marker, span, gaps) for marker, _, span, gaps in picture(inspection)]
+    taken = sum(max(map(len, column)) for column in zip(*others, strict=True))
+    return min(COLUMNS, max(LEAST_COLUMNS, width - taken - MARGINS))
 
 
 def _shown(inspection: Inspection) -> slice:
@@ -274,7 +284,7 @@ def _shown(inspection: Inspection) -> slice:
     return slice(start, start + n_shown)
 
 
-def _bars(inspection: Inspection) -> list[str]:
+def _bars(inspection: Inspection, most_columns: int) -> list[str]:
     """Return the heights of each marker as signs, lowest to highest of all markers."""
     import numpy as np
 
@@ -286,7 +296,7 @@ def _bars(inspection: Inspection) -> list[str]:
     span = max(high - low, 1e-9)
     levels = len(HEIGHTS) * (heights - low) / span
     levels = levels.clip(0, len(HEIGHTS) - 1)
-    n_columns = _n_columns(len(levels))
+    n_columns = max(1, min(most_columns, len(levels)))
     return [_bar(level, n_columns) for level in levels.T]
 
 
