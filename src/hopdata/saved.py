@@ -153,7 +153,8 @@ def _require_new_names(file: Path, table: pd.DataFrame) -> None:
     """Require a table of this hopdata, by the names of its columns.
 
     The version stayed the same when columns that hide an attribute of a DataFrame, as
-    ``index`` does, or cannot be one, as ``class``, got other names.
+    ``index`` does, or cannot be one, as ``class``, got other names, and when the
+    touchdowns of a recording began to count from 1.
 
     Raises
     ------
@@ -168,4 +169,8 @@ def _require_new_names(file: Path, table: pd.DataFrame) -> None:
     if former:
         wanted = "columns as this hopdata names them"
         found = f"{', '.join(former)}, as before; run the study again"
+        raise AnalysisError.at(file, wanted, found)
+    if "touchdown" in table and (table["touchdown"] == 0).any():
+        wanted = "touchdowns that count from 1"
+        found = "one that is 0, as before; run the study again"
         raise AnalysisError.at(file, wanted, found)
