@@ -107,6 +107,8 @@ def test_kinks_that_saturate_are_found_and_measured_at_the_contact(lasting, brie
     assert brief.effect.estimate == pytest.approx(lasting.effect.estimate, rel=0.2)
     assert brief.effect.upper_bound > lasting.effect.estimate
     assert brief.effect.low == over_landings.low
+    assert "Reservation: this size is extrapolated" in brief.sentence
+    assert "Reservation" not in lasting.sentence
 
 
 def test_no_number_of_landings_is_promised_at_the_contact(lasting, brief):

@@ -507,6 +507,7 @@ def _answer(
             options.margin,
             spreads=spreads,
             over_landings=not saturates,
+            extrapolated=saturates,
         ),
         outlook=could_show,
     )
