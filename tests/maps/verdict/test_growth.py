@@ -32,18 +32,20 @@ def noted(shape):
         data.before, after, data.instants, instants_se=errors, seed=1, flips=199
     )
     notes = {note["code"]: note["values"] for note in verdict.notes}
-    return verdict.conclusion, notes
+    return verdict, notes
 
 
 def test_a_difference_that_fades_is_different_and_noted():
-    conclusion, notes = noted(square)
-    assert conclusion == "different"
+    verdict, notes = noted(square)
+    assert verdict.conclusion == "different"
+    assert "Reservation: it seems to fade" in verdict.sentence
     assert float(notes["maps.grows"]["slope"]) == pytest.approx(1.0, abs=0.25)
 
 
 def test_a_kink_is_not_noted():
-    conclusion, notes = noted(last)
-    assert conclusion == "different"
+    verdict, notes = noted(last)
+    assert verdict.conclusion == "different"
+    assert "Reservation" not in verdict.sentence
     assert not {"maps.grows", "maps.may_grow"} & {*notes}
 
 

@@ -107,7 +107,7 @@ def test_kinks_that_saturate_are_found_and_measured_at_the_contact(lasting, brie
     assert brief.effect.estimate == pytest.approx(lasting.effect.estimate, rel=0.2)
     assert brief.effect.upper_bound > lasting.effect.estimate
     assert brief.effect.low == over_landings.low
-    assert "Reservation: this size is extrapolated" in brief.sentence
+    assert "extrapolated from landings" in brief.sentence
     assert "Reservation" not in lasting.sentence
 
 

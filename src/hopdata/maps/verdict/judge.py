@@ -347,7 +347,11 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
     if answer.conclusion == DIFFERENT and not jumps:
-        limited += limits.grows(fit.growth(landings))
+        growth = fit.growth(landings)
+        limited += limits.grows(growth)
+        if limits.fades(growth):
+            fading = Message("maps.different_fades", {"different": answer.sentence})
+            answer = replace(answer, sentence=fading)
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)
     messages = {
@@ -495,20 +499,22 @@ def _answer(
     could_show = outlook(effect, needed, measured.n_known, options.power)
     if saturates:
         could_show = Message("maps.outlook_saturates", {"outlook": could_show})
+    said = sentence(
+        conclusion,
+        effect.sizes(),
+        what,
+        options.confidence,
+        options.margin,
+        spreads=spreads,
+        over_landings=not saturates,
+    )
+    if conclusion == DIFFERENT and saturates:
+        said = Message("maps.different_extrapolated", {"different": said})
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
         landings_needed=needed,
-        sentence=sentence(
-            conclusion,
-            effect.sizes(),
-            what,
-            options.confidence,
-            options.margin,
-            spreads=spreads,
-            over_landings=not saturates,
-            extrapolated=saturates,
-        ),
+        sentence=said,
         outlook=could_show,
     )
 

@@ -118,6 +118,11 @@ def what_limits(
     return notes
 
 
+def fades(growth: Growth | None) -> bool:
+    """Return whether every slope that fits fades towards the simultaneous contact."""
+    return growth is not None and growth.low > GROWS
+
+
 def grows(growth: Growth | None) -> Notes:
     """Return a note on a difference that grows with the time between contacts, if any.
 
@@ -130,7 +135,7 @@ def grows(growth: Growth | None) -> Notes:
         "low": f"{growth.low:.2g}",
         "high": f"{growth.high:.2g}",
     }
-    if growth.low > GROWS:
+    if fades(growth):
         return [_note("grows", **values)]
     if growth.high >= CURVATURE:
         return [_note("may_grow", **values)]

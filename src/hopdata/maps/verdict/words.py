@@ -41,7 +41,6 @@ def sentence(
     subjects: int | None = None,
     spreads: float | None = None,
     over_landings: bool = False,
-    extrapolated: bool = False,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -62,9 +61,6 @@ def sentence(
         with it.
     over_landings
         Whether the bound is one over the landings only.
-    extrapolated
-        Whether the difference is found to saturate: its size at the simultaneous
-        contact then depends on the shapes by which it may fade.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
@@ -84,8 +80,6 @@ def sentence(
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
-    if conclusion == DIFFERENT and extrapolated:
-        name = "different_at_contact"
     if over_landings:
         values["where"] = Message("maps.over_landings")
     if subjects is not None:
