@@ -263,6 +263,18 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     assert answer(verdict()) == [verdict()["sentence"]]
 
 
+def test_what_an_extrapolated_difference_leaves_open_stands_apart():
+    values = {"compared": "6 contact orders", "size": "70 %", "where": ""}
+    values |= {"low": "42 %", "high": "120 %", "confidence": "95 %"}
+    different = {"code": "maps.different", "values": values}
+    extrapolated = {"code": "maps.extrapolated", "values": {}}
+    parts = {"different": different, "reservation": extrapolated}
+    message = {"code": "maps.different_reserved", "values": parts}
+    said, reservation = answer(verdict(messages={"sentence": message}))
+    assert str(said).endswith("interval 42 % to 120 %).")
+    assert str(reservation).startswith("Reservation: this is the size")
+
+
 def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     one = verdict()
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}

@@ -23,6 +23,9 @@ OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 # An answer of no difference that does not hold of what fades fast.
 AT_CONTACT = "maps.no_difference_at_contact"
 
+# An answer with what it leaves open.
+RESERVED = "maps.different_reserved"
+
 # Facts on how far an answer reaches towards the simultaneous contact.
 REACH = ("margin", "holds_from", "contact_spread")
 
@@ -76,8 +79,11 @@ def what_now(verdict: Verdict | None) -> list[Message | str]:
 
 
 def answer(verdict: Verdict) -> list[Message | str]:
-    """Return the answer, and apart from it what it leaves open, in ms."""
+    """Return the answer, and apart from it what it leaves open."""
     message = verdict.get("messages", {}).get("sentence") or {}
+    if message.get("code") == RESERVED:
+        parts = [message["values"][name] for name in ("different", "reservation")]
+        return [told(part, str(verdict.get("sentence"))) for part in parts]
     facts = verdict_facts(verdict)
     if message.get("code") != AT_CONTACT or not facts["holds_from"]:
         return [worded(verdict, "sentence")]

@@ -350,7 +350,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         growth = fit.growth(landings)
         limited += limits.grows(growth)
         if limits.fades(growth):
-            fading = Message("maps.different_fades", {"different": answer.sentence})
+            fading = _with_reservation(answer.sentence, Message("maps.fades"))
             answer = replace(answer, sentence=fading)
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)
@@ -509,7 +509,7 @@ def _answer(
         over_landings=not saturates,
     )
     if conclusion == DIFFERENT and saturates:
-        said = Message("maps.different_extrapolated", {"different": said})
+        said = _with_reservation(said, Message("maps.extrapolated"))
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
@@ -517,6 +517,12 @@ def _answer(
         sentence=said,
         outlook=could_show,
     )
+
+
+def _with_reservation(sentence: Message, reservation: Message) -> Message:
+    """Return what is said of a difference, and what it leaves open."""
+    values = {"different": sentence, "reservation": reservation}
+    return Message("maps.different_reserved", values)
 
 
 def _with_jump(
