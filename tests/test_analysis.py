@@ -193,6 +193,13 @@ def test_a_folder_that_is_not_whole_or_of_another_version_is_told(study, tmp_pat
     touchdowns.write_text(table.replace("touchdown,", "index,", 1))
     with pytest.raises(hd.HopdataError, match=r"columns as .*found index, as before"):
         _ = hd.load(saved).touchdowns
+    touchdowns.write_text(table)
+    assert hd.load(saved).touchdowns["touchdown"].min() == 1
+    from_0 = pd.read_csv(touchdowns)
+    from_0["touchdown"] -= 1
+    from_0.to_csv(touchdowns, index=False)
+    with pytest.raises(hd.HopdataError, match=r"count from 1, found one that is 0"):
+        _ = hd.load(saved).touchdowns
     touchdowns.unlink()
     with pytest.raises(hd.HopdataError, match=r"found none named tables/touchdowns.cs"):
         hd.load(saved)
