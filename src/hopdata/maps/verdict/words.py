@@ -41,6 +41,7 @@ def sentence(
     subjects: int | None = None,
     spreads: float | None = None,
     over_landings: bool = False,
+    saturates: bool = False,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -60,7 +61,10 @@ def sentence(
         `Verdict.holds_from` in contact spreads: what the bound does not cover is said
         with it.
     over_landings
-        Whether the bound is one over the landings only.
+        Whether the sizes are those over the landings.
+    saturates
+        Whether the difference is found to saturate, so that no bound can be given at
+        the simultaneous contact.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
@@ -77,6 +81,8 @@ def sentence(
     name = conclusion.replace(" ", "_")
     if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
         name = "cannot_tell_just"
+    if conclusion == CANNOT_TELL and saturates:
+        name = "cannot_tell_at_contact"
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
