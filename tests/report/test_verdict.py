@@ -282,6 +282,16 @@ def test_what_holds_at_the_contact_stands_apart():
     assert answer(verdict(messages={"sentence": message})) == [verdict()["sentence"]]
 
 
+def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():
+    known = verdict(conclusion="different", contact_spread=0.0112)
+    said, scale = answer(known)
+    assert said == known["sentence"]
+    assert "lie 11 ms apart" in str(scale).replace("\u00a0", " ")
+    assert answer(verdict(contact_spread=0.0112)) == [verdict()["sentence"]]
+    jump = {"decided_by": "jump", "jump": verdict()["effect"]}
+    assert answer(known | jump) == [known["sentence"]]
+
+
 def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     one = verdict()
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}

@@ -85,14 +85,24 @@ def answer(verdict: Verdict) -> list[Message | str]:
         parts = [message["values"][name] for name in ("different", "reservation")]
         worded_parts = [told(part, "") for part in parts]
         if all(worded_parts):
-            return worded_parts
+            return worded_parts + _scale(verdict)
     facts = verdict_facts(verdict)
+    if verdict.get("conclusion") == "different":
+        return [worded(verdict, "sentence"), *_scale(verdict)]
     if message.get("code") != AT_CONTACT or not facts["holds_from"]:
         return [worded(verdict, "sentence")]
     bounded = {**message, "code": "maps.no_difference"}
     values = {name: facts[name] for name in REACH}
     reservation = Message("report.reservation", values)
     return [told(bounded, str(verdict.get("sentence"))), reservation]
+
+
+def _scale(verdict: Verdict) -> list[Message | str]:
+    """Return down to which scale a kink is told from a bend of a smooth map."""
+    spread = verdict.get("contact_spread")
+    if spread is None or verdict.get("decided_by") == "jump":
+        return []
+    return [Message("report.scale", {"contact_spread": _milliseconds(spread)})]
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:

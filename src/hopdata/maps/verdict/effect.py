@@ -135,7 +135,7 @@ class EffectSize(Shown):
         return math.isfinite(self.upper_bound)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all values; ends that are infinite are None, since JSON has no other."""
+        """Return all values; infinite ends are None, as JSON has no infinity."""
         values = asdict(self)
         for name in UPPER_ENDS:
             if not math.isfinite(values[name]):

@@ -46,9 +46,10 @@ from hopdata.maps.verdict.words import (
     outlook,
     percent,
     sentence,
+    with_reservation,
+    without_upper_end,
 )
 from hopdata.messages import Message
-
 
 # Values of a verdict that are sizes.
 SIZES = ("effect", "effect_over_landings", "jump")
@@ -359,7 +360,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         growth = fit.growth(landings)
         limited += limits.grows(growth)
         if limits.fades(growth):
-            fading = _with_reservation(answer.sentence, Message("maps.fades"))
+            fading = with_reservation(answer.sentence, Message("maps.fades"))
             answer = replace(answer, sentence=fading)
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)
@@ -505,13 +506,12 @@ def _answer(
     the simultaneous contact is known from below only.
     """
     effect = contact.size
-    saturates = contact.saturates
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
     needed = None
     if effect.least_allowed < ASKED:
         needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
     could_show = outlook(effect, needed, measured.n_known, options.power)
-    if saturates:
+    if contact.saturates:
         could_show = Message("maps.outlook_saturates", {"outlook": could_show})
     said = sentence(
         conclusion,
@@ -521,11 +521,9 @@ def _answer(
         options.margin,
         spreads=spreads,
         over_landings=True,
-        saturates=saturates,
     )
-    if conclusion == DIFFERENT and saturates:
-        at_least = Message("maps.no_upper_end", {"low": percent(effect.low)})
-        said = _with_reservation(said, at_least)
+    if contact.saturates:
+        said = without_upper_end(said, conclusion, effect.low)
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
@@ -533,12 +531,6 @@ def _answer(
         sentence=said,
         outlook=could_show,
     )
-
-
-def _with_reservation(sentence: Message, reservation: Message) -> Message:
-    """Return what is said of a difference, and what it leaves open."""
-    values = {"different": sentence, "reservation": reservation}
-    return Message("maps.different_reserved", values)
 
 
 def _with_jump(

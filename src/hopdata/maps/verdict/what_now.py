@@ -147,7 +147,9 @@ def what_limits_most(
     least = LEAST_SHARE * shown
     listed = [one for one in found if (one.costs or 0.0) > least]
     listed.sort(key=lambda one: -(one.costs or 0.0))
-    return _of_saturation(effect, saturates=saturates) + listed + _missing_orders(landings)
+    return (
+        _of_saturation(effect, saturates=saturates) + listed + _missing_orders(landings)
+    )
 
 
 def _of_saturation(effect: EffectSize, *, saturates: bool) -> list[Limit]:

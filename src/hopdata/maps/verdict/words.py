@@ -41,7 +41,6 @@ def sentence(
     subjects: int | None = None,
     spreads: float | None = None,
     over_landings: bool = False,
-    saturates: bool = False,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -62,9 +61,6 @@ def sentence(
         with it.
     over_landings
         Whether the sizes are those over the landings.
-    saturates
-        Whether the difference is found to saturate, so that no bound can be given at
-        the simultaneous contact.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
@@ -81,8 +77,6 @@ def sentence(
     name = conclusion.replace(" ", "_")
     if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
         name = "cannot_tell_just"
-    if conclusion == CANNOT_TELL and saturates:
-        name = "cannot_tell_at_contact"
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
@@ -92,6 +86,30 @@ def sentence(
         name = f"group_{name}"
         values["subjects"] = subjects
     return Message(f"maps.{name}", values)
+
+
+def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
+    """Return the sentence on a difference that saturates, with what holds at contact.
+
+    Parameters
+    ----------
+    said
+        The sentence on its size over the landings.
+    conclusion
+        One of `DIFFERENT` and `CANNOT_TELL`.
+    low
+        Low end of the size at the simultaneous contact.
+    """
+    if conclusion == CANNOT_TELL:
+        return Message("maps.cannot_tell_at_contact", said.values)
+    at_contact = Message("maps.no_upper_end", {"low": percent(low)})
+    return with_reservation(said, at_contact)
+
+
+def with_reservation(sentence: Message, reservation: Message) -> Message:
+    """Return what is said of a difference, and what it leaves open."""
+    values = {"different": sentence, "reservation": reservation}
+    return Message("maps.different_reserved", values)
 
 
 def outlook(
