@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, HopdataError
 
@@ -92,13 +93,15 @@ def put_together(
     -------
     dict
         ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason
-        in the sentence), ``conditions`` (rows of `compare_conditions`) and ``members``.
+        in the sentence), ``conditions`` (rows of `compare_conditions`), ``members`` and
+        the ``version`` of hopdata.
     """
     from hopdata.maps.verdict.group import compare_conditions, judge_group, told_apart
 
     answered = pd.DataFrame([row for row in rows if not row["reason"]])
     found: dict[str, Any] = {
         "study": group["study"],
+        "version": __version__,
         "margin": group["verdict"]["margin"],
         "confidence": group["verdict"]["confidence"],
         "members": list(rows),
