@@ -57,9 +57,9 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     if verdict.effect is None:
         reason = "; ".join(note["reason"] for note in verdict.notes)
     else:
-        row |= asdict(verdict.effect)
+        row |= verdict.effect.to_dict()
     if verdict.jump and verdict.decided_by == "jump":
-        row |= {f"jump_{key}": value for key, value in asdict(verdict.jump).items()}
+        row |= {f"jump_{key}": value for key, value in verdict.jump.to_dict().items()}
     study.save(folder)
     drawn = None
     if "svg" in study.config["figures"]["formats"]:
