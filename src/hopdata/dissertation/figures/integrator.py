@@ -75,10 +75,10 @@ def _name_step(axes: Axes, step: pd.DataFrame) -> None:
         if place == -1:
             side = {"ha": "right", "va": "top"}
             offset = (16, -34)
-        style.note(axes, text, tuple(start), offset, fontsize=7, **side)
+        style.note(axes, text, tuple(start), offset, **side)
     instant = float(step["instant"].iloc[0])
     axes.plot(instant, 0.0, "o", color=style.INK, markersize=4, zorder=6)
-    style.note(axes, "event at t*", (instant, 0.0), (-5, 5), fontsize=7, ha="right")
+    style.note(axes, "event at t*", (instant, 0.0), (-5, 5), ha="right")
 
 
 def _enlarge(axes: Axes, step: pd.DataFrame) -> None:

@@ -47,9 +47,7 @@ def filters(table: pd.DataFrame) -> Figure:
         times, errors = median["time_s"], median["prediction"]
         style.banded_line(over_time, times, errors, band, line)
     over_time.axhline(limit, color=style.INK, linewidth=0.7, linestyle=":")
-    style.note(
-        over_time, "95 % of errors\nshould be below", (0.52, limit), (0, 3), fontsize=6
-    )
+    style.note(over_time, "95 % of errors\nshould be below", (0.52, limit), (0, 3))
     over_time.set_yscale("log")
     style.plain_numbers(over_time.yaxis)
     over_time.set_yticks([5, 10, 20, 50, 100])

@@ -148,7 +148,7 @@ def _draw_slopes(axes: Axes, slopes: pd.DataFrame, errors: pd.DataFrame) -> None
     single = (float(inverse.iloc[place]), float(slopes["high"].iloc[place]))
     style.note(
         axes, "nine of ten single sweeps", single, (0, 6), va="bottom", ha="center",
-        fontsize=7, color=style.BLUE,
+        color=style.BLUE,
     )  # fmt: skip
     limits = 1.0 / errors["step"]
     axes.set_xlim(limits.min() / 1.4, limits.max() * 2.0)

@@ -50,7 +50,7 @@ def boxes_figure(boxes: pd.DataFrame) -> Figure:
     Figure
         One logarithmic axis; whiskers from 2.5 % to 97.5 %.
     """
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 70.0)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, 70.0)
     axes = figure.subplots()
     axes.set_yscale("log")
     for method, (_, colour, beside) in METHODS.items():
@@ -233,7 +233,7 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
         style.plain_numbers(axes.xaxis)
         at = (PRINTED_IMPACTS, 0.97 * axes.get_ylim()[1])
         words = f"the dissertation's {PRINTED_IMPACTS}"
-        style.note(axes, words, at, (4, -6), color=style.VERMILION, fontsize=7)
+        style.note(axes, words, at, (4, -6), color=style.VERMILION)
         left_over = f"{last[1]:.3g} % remain: noise and curvature"
         if what == "map":
             left_over = f"{last[1]:.3g} % remain: curvature"

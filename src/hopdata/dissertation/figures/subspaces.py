@@ -100,7 +100,7 @@ def spectrum_figure(spectrum: pd.DataFrame) -> Figure:
     Figure
         One panel, logarithmic; values below 1e-5 stand at the bottom.
     """
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 76.0)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, 76.0)
     axes = figure.subplots()
     axes.set_yscale("log")
     n = len(spectrum)
@@ -125,7 +125,7 @@ def spectrum_figure(spectrum: pd.DataFrame) -> Figure:
     axes.axvline(PRINTED_CUT + 0.5, color=style.INK, linewidth=0.8)
     style.note(
         axes, "17 leading | 17 small", (PRINTED_CUT + 0.5, 1.0), (0, -2), ha="center",
-        bbox=style.ON_WHITE, fontsize=7,
+        bbox=style.ON_WHITE,
     )  # fmt: skip
     axes.text(
         n - 0.5, 1.5e-4, "the two sections", rotation=90, ha="center", va="center"
