@@ -366,7 +366,7 @@ def _draw_orders(
     most = int(counts.max()) if rows else 1
     step = FEET_END / max(n_feet, 1)
     has_names = MARK + CHARACTER * max(map(len, names), default=0) < step
-    size: Any = {"fontsize": style.pt(style.TEXT_PT), "va": "center_baseline"}
+    size: Any = {"va": "center_baseline"}
     for k in range(n_feet):
         axes.text(step * k, -1.0, ORDINALS[k], **size)
     axes.text(BARS[0], -1.0, "landings", **size)
@@ -421,7 +421,6 @@ def _draw_maps(axes: Axes, conclusion: str, rows: int) -> None:
             MAP,
             -1.0,
             "own map",
-            fontsize=style.pt(style.TEXT_PT),
             ha="center",
             va="center",
         )

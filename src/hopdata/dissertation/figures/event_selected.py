@@ -64,14 +64,13 @@ def checklist(table: pd.DataFrame) -> Figure:
             _short(value),
             ha="center",
             va="center",
-            fontsize=style.pt(style.TEXT_PT),
             fontweight=weight,
         )
     axes.set_yticks(places, labels)
     axes.set_ylim(places[-1] + 0.55, -0.55)
     axes.set_xlim(-0.55, len(systems) - 0.45)
     names = [_broken(name) for name in systems]
-    axes.set_xticks(range(len(systems)), names, fontsize=style.pt(style.TEXT_PT))
+    axes.set_xticks(range(len(systems)), names)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     for spine in axes.spines.values():
@@ -109,7 +108,6 @@ def _name_groups(axes: Axes, places: list[float]) -> None:
             transform=axes.get_yaxis_transform(),
             ha="left",
             va="center",
-            fontsize=style.pt(style.TEXT_PT),
             fontweight="bold",
         )
         first += len(labels)
