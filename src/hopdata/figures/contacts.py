@@ -86,10 +86,11 @@ def landings_figure(
         cell.set_title(_title(name, chain, order))
         if _is_unsure(order):
             cell.spines[:].set(visible=True, linestyle=UNSURE_FRAME, linewidth=1.0)
-    last_row = len(orders) - COLUMNS
-    for place, cell in enumerate(cells[: len(orders)]):
-        if place >= last_row:
-            cell.tick_params(labelbottom=True)
+    shown = cells[: len(orders)]
+    for cell in shown[max(0, len(orders) - COLUMNS) :]:
+        cell.tick_params(labelbottom=True)
+    for cell in shown[COLUMNS // 2 :: COLUMNS]:  # a narrow page begins a grid here
+        cell.tick_params(labelleft=True)
     below = "time from the first contact (ms)"
     if of_landings is not None and of_landings > len(orders):
         below += f"; the first {len(orders)} of {of_landings} landings"

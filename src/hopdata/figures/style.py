@@ -123,6 +123,12 @@ FOOT_COLOURS = (BLUE, GREEN, PURPLE, SKY, ORANGE, VERMILION)
 BETWEEN_SECTIONS = YELLOW
 FOUND = INK
 NOT_FOUND = GREY
+# Methods and cases beside each other have shades, dashes and marks: dark is what is
+# ours or C1, and pale what is printed or not C1. Others stand between and beyond these.
+OURS = INK
+PRINTED = "#949494"
+SHADE = "#5a5a5a"
+PALE = "#bcbcbc"
 # Size and sign of an entry of a map, with white for zero.
 OF_SIGNS = "BrBG"
 MEANINGS = {

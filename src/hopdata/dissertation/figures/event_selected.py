@@ -31,8 +31,8 @@ GROUPS = {
     "C1": ["one saltation product"],
 }
 # What holds and what does not, pale enough for the numbers on it.
-HOLDS = "#D9EEE7"
-FAILS = "#F5CDB8"
+HOLDS = "#f2f2f2"
+FAILS = "#c9c9c9"
 
 
 @style.styled

@@ -20,8 +20,8 @@ CONFIDENCE = 0.95
 # Miss at which a target counts as reached, cm and degrees.
 REACHED = 1e-3
 # What a filter or a gradient is drawn with: label, colour and line.
-WITH = ("with saltation matrices", style.BLUE, "-")
-WITHOUT = ("without", style.VERMILION, "--")
+WITH = ("with saltation matrices", style.OURS, "-")
+WITHOUT = ("without", style.PRINTED, "--")
 
 
 @style.styled
