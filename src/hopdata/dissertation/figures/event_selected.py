@@ -114,11 +114,12 @@ def _name_groups(axes: Axes, places: list[float]) -> None:
 
 
 def _broken(name: str) -> str:
-    """Return a name on two lines if it has several words."""
-    first, _, rest = name.partition(" ")
-    if not rest:
-        return first
-    return f"{first}\n{rest}"
+    """Return a name with a line for each word, and a number with what it numbers."""
+    return (
+        name.replace("(Sec. ", "(Sec.\u00a0")
+        .replace(" %", "\u00a0%")
+        .replace(" ", "\n")
+    )
 
 
 def _short(value: float) -> str:
@@ -131,5 +132,5 @@ def _short(value: float) -> str:
     mantissa, _, power = text.partition("e")
     if power:
         exponent = str(int(power)).translate(style.SUPERSCRIPTS)
-        return f"{mantissa}·10{exponent}"
+        return f"{float(mantissa):.0f}·10{exponent}"
     return text

@@ -20,7 +20,7 @@ KNOWN = {
 }
 GIVEN = {
     "inputs": ("given boom angle and swing", style.PRINTED, "o"),
-    "inputs and state": ("given the state at the apex too", style.OURS, "s"),
+    "inputs and state": ("and the state at the apex", style.OURS, "s"),
 }
 BODIES = {
     "hopper": ("hopper", style.OURS, "o"),
@@ -115,17 +115,17 @@ def _draw_scaled(axes: Axes, scaled: pd.DataFrame) -> None:
         axes.plot(middle["spread"], middle["effect"], label=label, **look)
         ratio = middle.iloc[-1] / middle.iloc[0]
         power = np.log(ratio["effect"]) / np.log(ratio["spread"])
-        at = tuple(middle.mean())
+        at = tuple(middle.iloc[-1])
         text = f"power {power:.1f}"
-        beside: Any = {"ha": "left", "va": "top", "bbox": style.ON_WHITE}
-        style.note(axes, text, at, (9, -14), color=colour, **beside)
+        below: Any = {"ha": "right", "va": "top", "bbox": style.ON_WHITE}
+        style.note(axes, text, at, (4, -8), color=colour, **below)
     axes.set(xscale="log", yscale="log")
     style.plain_numbers(axes.xaxis)
     style.plain_numbers(axes.yaxis)
     axes.set_xticks([4, 6, 8, 12])
     axes.set_yticks([0.03, 0.1, 0.3, 1])
     axes.set_xlabel("spread of Δx (mm)")
-    axes.set_ylabel("what the landing order adds to Δx, rms (mm)")
+    axes.set_ylabel("what the landing order adds to Δx,\nrms (mm)")
     _legend_above(axes)
 
 
