@@ -559,6 +559,16 @@ def build_group_page(
     rows = group["members"]
     title = "Conditions compared within subjects"
     members: Any = [_member(row) for row in rows]
+    saturate = any(row.get("saturates") for row in rows)
+    judged = [row for row in rows if not row["reason"]]
+    facts = {
+        "one_by_one": one_by_one,
+        "some_saturate": saturate,
+        "n": len(judged),
+        "confidence": show.percent(100 * group["confidence"]),
+        "margin": show.percent(100 * group["margin"]),
+        "of_all": group["effect"] is not None,
+    }
     summed: list[show.Table] = []
     if not one_by_one:
         summed = summaries(rows)
@@ -568,10 +578,11 @@ def build_group_page(
         "group.html.j2",
         group=group,
         highlights=_highlights(group),
-        pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
+        pictures=[picture_of(one, facts) for one in figures],
         one_by_one=one_by_one,
         methods=group_methods(group),
         some_without=any(row["reason"] for row in rows),
+        some_saturate=saturate,
         summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
@@ -648,6 +659,9 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
         cells["size"] = _percent(row["estimate"])
         low = row["low"]
         high = row["high"]
+    if row.get("saturates"):
+        over = _percent(row["over_landings_estimate"])
+        cells["size"] += f" (over the landings {over})"
     if high is None:
         cells["ends"] = f"at least {_percent(low)}"
         return cells
