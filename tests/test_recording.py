@@ -29,7 +29,8 @@ def test_different_files_and_those_without_a_file_are_distinct():
 )
 def test_the_same_bytes_under_another_name_are_refused(recordings):
     with pytest.raises(
-        RecordingError, match=r"b\.tsv: .* file 2 of recording 'b' .* count twice"
+        RecordingError,
+        match=r"b\.tsv and 1 more: .* file 2 of recording 'b' .* count twice",
     ):
         require_distinct(recordings)
 
@@ -65,7 +66,7 @@ def test_what_an_array_masks_was_not_seen():
 
 def standing(seen=True):
     time = np.arange(5) / 100
-    positions = np.zeros((5, 2, 3))
+    positions = np.ones((5, 2, 3))
     if not seen:
         positions[2, 1] = np.nan
     return Recording.from_arrays(time, positions, ["toe", "hip"], feet=["toe"])
