@@ -33,7 +33,7 @@ from hopdata.reading import (
     landing_apart,
     not_guessed,
 )
-from hopdata.recording import Recording, marker_names, numbers
+from hopdata.recording import Recording, marker_names, numbers, place_of
 from hopdata.stages import LINE
 from hopdata.truth import Truth
 from hopdata.walk import Contents, Progress, Study
@@ -203,14 +203,14 @@ def _with_own_roles(recording: Recording, progress: Progress) -> Recording:
             raise not_guessed(recording, found.questions)
         if found.questions:
             questions = "; ".join(str(one) for one in found.questions)
-            values = {"place": recording.place, "questions": questions}
+            values = {"place": place_of(recording), "questions": questions}
             raise RecordingError(Message("landings.roles_not_sure", values))
         recording = found.recording
         for role in ("foot", "body"):
             progress(f"{role}: {', '.join(recording.names(role))}, guessed")
     for role, key in (("foot", "feet"), ("body", "body")):
         if not recording.indices(role):
-            values = {"place": recording.place, "role": key}
+            values = {"place": place_of(recording), "role": key}
             raise RecordingError(Message("landings.role_missing", values))
     return recording
 
