@@ -224,7 +224,7 @@ def test_what_could_have_been_seen_is_said():
         0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
     )
     said = str(outlook(size, 2_312, 1_617, 0.8))
-    assert "shows as 15 % would be found in 80 %" in said
+    assert "difference of 15 % would be found in 80 %" in said
     assert "you would need about 2,300 landings" in said
     assert "cannot be seen with any number" in str(outlook(size, None, 1_617, 0.8))
     none = replace(size, detectable=1.2)
