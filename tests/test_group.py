@@ -17,6 +17,7 @@ import yaml
 from checkouts import part_of_sample
 from overlaps import text_faults
 
+import hopdata as hd
 from hopdata.__main__ import main
 from hopdata.figures.sizes import sizes_figure
 from hopdata.figures.verdict import group_figure
@@ -252,6 +253,31 @@ def test_a_group_runs_to_its_page(tmp_path):
         assert f'href="members/{name}/report.html"' in page
         assert (tmp_path / f"results/trio/members/{name}/report.html").exists()
         assert reason.split(";")[0].split("'")[0] in page
+
+    group = hd.load(tmp_path / "results/trio")
+    assert [*group] == [*group.studies] == ["anna"]
+    assert len(group.members) == 3
+    assert group.members["kind"].tolist()[0] == "hopper"
+    assert group.verdict is None
+    assert group.sentence in repr(group)
+    assert "found 1" in group.sentence
+    assert "3 studies" in group.methods().text
+    assert group.plot().axes
+    with pytest.raises(hd.HopdataError, match=r"ben: expected a member .*gone\.h5"):
+        _ = group["ben"]
+    with pytest.raises(hd.HopdataError, match="did you mean 'anna'"):
+        _ = group["ana"]
+    anna = group["anna"]
+    assert anna.verdict.sentence in repr(anna)
+    assert len(anna.recordings[0].time) == len(anna.imported[0].time) > 1000
+    assert "of 1 recording (15,000 frames" in anna.methods().text
+    assert repr(anna.methods()).startswith("Motion capture")
+    assert anna.home_frame().touchdowns.equals(anna.touchdowns)
+    assert anna.floor_compensation()["recording1"].floor_model.degree > 0
+    answer = tmp_path / "results/trio/group.json"
+    answer.write_text(answer.read_text().replace('"version":', '"former":'))
+    with pytest.raises(hd.HopdataError, match="found one of no version"):
+        hd.load(tmp_path / "results/trio")
 
 
 def started(folder, *options):

@@ -1,5 +1,6 @@
 """The verdict as a picture: the answer, its certainty, what it means for a landing."""
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -175,10 +176,14 @@ TITLE: dict[str, Any] = {"fontweight": "bold", "loc": "left"}
 
 
 def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
-    """Return the end of what is not excluded: of the interval, or the bound."""
-    if conclusion == "different":
-        return float(effect["high"])
-    return float(effect["upper_bound"])
+    """Return the end of what is not excluded: of the interval, or the bound.
+
+    It is infinite if no upper end can be given.
+    """
+    name = "high" if conclusion == "different" else "upper_bound"
+    if effect[name] is None:
+        return math.inf
+    return float(effect[name])
 
 
 # Rows of the plot of the size, from the axis (0) upwards. Each text has a row of its
@@ -279,6 +284,10 @@ def in_short(verdict: Mapping[str, Any]) -> str:
     effect = verdict[_decided(verdict)]
     if effect is None:
         return answer
+    if not math.isfinite(_end(verdict["conclusion"], effect)):
+        if verdict["conclusion"] == "different":
+            return f"{answer}: by at least {_percent(effect['low'])}"
+        return f"{answer}: no upper bound"
     bound = _percent(effect["upper_bound"])
     if verdict["conclusion"] == "no difference":
         return f"{answer}: no difference above {bound}"
@@ -499,7 +508,8 @@ def _top_of_group(rows: Sequence[Mapping[str, Any]], margin: float) -> float:
         ends += [_end(row["conclusion"], one) for one in shown]
         if "of_all" not in row:
             sizes += [one["estimate"] for one in shown]
-    middle = sorted(ends)[len(ends) // 2]
+    given = sorted(end for end in ends if math.isfinite(end))
+    middle = given[len(given) // 2]
     return float(min(max(ends), LONGEST * max(*sizes, middle)))
 
 
