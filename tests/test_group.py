@@ -195,6 +195,18 @@ def test_conditions_of_a_large_group_have_a_histogram_each_unless_they_are_many(
         assert sum(bars) == 270
 
 
+def test_one_reason_of_all_is_told_once():
+    """The sentence at the top gives the first reason, so equal ones add nothing."""
+    same = [made_up(4)[k] | {"reason": "expected 150, found 149"} for k in range(3)]
+    page = build_group_page(put_together(same, GROUP), [])
+    assert page.count("expected 150, found 149") == 1
+    assert page.count(">no answer<") == 3
+    same[1]["reason"] = "no feet"
+    page = build_group_page(put_together(same, GROUP), [])
+    assert page.count("expected 150, found 149") == 3
+    assert page.count(">no answer: no feet<") == 1
+
+
 def test_few_of_many_copies_are_named():
     rows = [row(f"s{k}", 0.1) for k in range(20)]
     sentence = put_together(rows, GROUP)["sentence"]

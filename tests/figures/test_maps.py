@@ -30,7 +30,8 @@ ESTIMATES = pd.concat([table(m).assign(estimator=name) for name, m in FOUND.item
 
 def noise_removed(share):
     """Return what is used of ``map_estimates.json``."""
-    return {"maps": {"corrected_curved": {"noise_removed": share}}}
+    corrected = {"corrected_curved": {"noise_removed": share}}
+    return {"maps": corrected, "n_landings": 1622}
 
 
 ALL_REMOVED = noise_removed(1.0)
@@ -83,6 +84,8 @@ def test_maps_and_differences_side_by_side():
 def test_the_corrected_map_says_for_what_it_was_corrected(share, title):
     figure = matrices_figure(ESTIMATES, noise_removed(share), table(TRUE))
     assert images(figure)[2][0] == title
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert "maps (mm per sd of the input), 1,622 landings" in labels
     assert text_faults(figure) == []
 
 

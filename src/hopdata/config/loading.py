@@ -313,6 +313,44 @@ def _section_with_defaults(
     return filled
 
 
+def what_is_set(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of a whole configuration that differ from their defaults.
+
+    `load_config` makes the whole configuration of them again.
+
+    Parameters
+    ----------
+    config : mapping
+        A configuration from `load_config`.
+    """
+    schema = load_schema(_scene_of(config))
+    return _section_without_defaults(config, schema, printed=is_printed(config))
+
+
+def _section_without_defaults(
+    section: Mapping[str, Any], schema: dict[str, Any], *, printed: bool
+) -> dict[str, Any]:
+    properties = schema.get("properties", {})
+    kept = {}
+    for key, value in section.items():
+        inner = properties.get(key, {})
+        if "default" in inner:
+            default = deepcopy(default_of(inner, printed=printed))
+            if value == _with_defaults(default, inner, printed=printed):
+                continue
+        kept[key] = _without_defaults(value, inner, printed=printed)
+    return kept
+
+
+def _without_defaults(value: Any, schema: dict[str, Any], *, printed: bool) -> Any:
+    if isinstance(value, Mapping):
+        return _section_without_defaults(value, schema, printed=printed)
+    if isinstance(value, list):
+        items = schema.get("items", {})
+        return [_without_defaults(entry, items, printed=printed) for entry in value]
+    return value
+
+
 _POWER_OF_TEN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 

@@ -51,7 +51,8 @@ def matrices_figure(
         ``corrected_curved`` are drawn; cells within `SURE` standard errors of zero are
         grey.
     details : mapping
-        Contents of ``map_estimates.json``: how much noise the corrected map allows for.
+        Contents of ``map_estimates.json``: the number of landings, and how much noise
+        the corrected map allows for.
     exact : DataFrame, optional
         The same without ``estimator``, if the exact map is known.
 
@@ -85,10 +86,11 @@ def matrices_figure(
         }
     if not any(np.isfinite(matrix).any() for matrix in differences.values()):
         differences = {}  # noise alone explains all of them: the caption says so
+    landings = f"{details['n_landings']:,} landings"
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 82.0)
     panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
     groups = (
-        (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
+        (panels[: len(maps)], maps, f"maps (mm per sd of the input), {landings}"),
         (panels[len(maps) :], differences, "differences\n(mm per sd of the input)"),
     )
     for axes, matrices, label in groups:

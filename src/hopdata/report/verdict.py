@@ -156,6 +156,31 @@ def worded(verdict: Verdict, name: str) -> Message | str:
     return as_written
 
 
+# Messages on what foretells the contacts if the maps were not compared, and the same
+# without the orders, which they list with their landings.
+WITHOUT_ORDERS = {
+    "maps.so_far_few": "report.so_far_few",
+    "maps.so_far_errors": "report.so_far_errors",
+    "maps.so_far_foretold": "report.so_far_foretold",
+}
+ORDERS_ALONE = "maps.so_far_states"
+
+
+def contacts_told(verdict: Verdict) -> Message | str:
+    """Return what foretells the contacts, without the orders that a figure shows.
+
+    If the maps were not compared, the sentence lists all orders with their landings,
+    for readers of the file alone.
+    """
+    message = verdict.get("messages", {}).get("contacts", {})
+    code = message.get("code")
+    if code == ORDERS_ALONE:
+        return ""
+    if code in WITHOUT_ORDERS:
+        return Message(WITHOUT_ORDERS[code], message.get("values", {}))
+    return worded(verdict, "contacts")
+
+
 def told(message: Mapping[str, Any], as_written: str) -> Message | str:
     """Return a message with code and values from a file, to be put into words.
 
@@ -213,7 +238,7 @@ def verdict_facts(
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
-        "contacts": known.get("contacts"),
+        "contacts": str(contacts_told(known)) or None,
         "conclusion": known.get("conclusion"),
         "found": effect is not None,
         "jumps": known.get("decided_by") == "jump",
@@ -589,6 +614,9 @@ def build_group_page(
         "margin": show.percent(100 * group["margin"]),
         "of_all": group["effect"] is not None,
     }
+    reasons = {row["reason"] for row in rows}
+    if len(reasons) == 1:  # the sentence at the top of the page says it once
+        members = [{**cells, "reason_told": ""} for cells in members]
     summed: list[show.Table] = []
     if not one_by_one:
         summed = summaries(rows)
@@ -615,10 +643,8 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number of a group."""
     rows = group["members"]
     effect = group["effect"]
-    answers: Counter[str] = Counter()
-    for row in rows:
-        answers["no answer" if row["reason"] else row["conclusion"]] += 1
-    judged = f"{len(rows) - answers['no answer']} of {len(rows)}"
+    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
+    judged = f"{answers.total()} of {len(rows)}"
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
     studies = ("Studies judged", judged, said)
     if effect is None:
@@ -667,6 +693,7 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     if row.get("conclusion") != "different" and needed > row.get("landings", 0):
         cells["needed"] = show.count(needed)
 
+    cells["reason_told"] = f": {row['reason']}"
     cells["size"] = None
     cells["ends"] = ""
     if row["reason"]:

@@ -18,7 +18,7 @@ GROUPS = {
     "definitions": ["event functions (1.2.1)", "smooth fields (1.2.2)"],
     "ESS": [
         "trajectories are continuous",
-        "collisions are smooth surfaces",
+        "smooth collision surfaces",
         "contact made or broken once",
         "penetration velocity is kept",
     ],
@@ -114,12 +114,8 @@ def _name_groups(axes: Axes, places: list[float]) -> None:
 
 
 def _broken(name: str) -> str:
-    """Return a name with a line for each word, and a number with what it numbers."""
-    return (
-        name.replace("(Sec. ", "(Sec.\u00a0")
-        .replace(" %", "\u00a0%")
-        .replace(" ", "\n")
-    )
+    """Return a name with a line for each word; a number stays with its sign."""
+    return name.replace(" %", "\u00a0%").replace(" ", "\n")
 
 
 def _short(value: float) -> str:

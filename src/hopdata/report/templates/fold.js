@@ -22,7 +22,9 @@
 }
 // What fits into the window needs no stop of the tab key; what is wider is scrolled by keys.
 const stops = new ResizeObserver((seen) => seen.forEach(({ target }) => {
-  target.tabIndex = target.scrollWidth > target.clientWidth + 1 ? 0 : -1;
+  const scrolls = target.scrollWidth > target.clientWidth + 1;
+  target.tabIndex = scrolls ? 0 : -1;
+  target.classList.toggle("wide", scrolls);
 }));
 document.querySelectorAll(".picture, .table, pre").forEach((one) => stops.observe(one));
 const as_picture = (drawn) => new XMLSerializer().serializeToString(drawn)
