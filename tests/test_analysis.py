@@ -175,9 +175,15 @@ def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
     assert loaded.sections == study.sections
     save_figure(loaded.plot(), tmp_path / "again", formats=["svg"])
     assert (tmp_path / "again.svg").read_text() == drawn
+    assert loaded.methods() == study.methods()
+    found = loaded.foot_contacts().contacts["monday"]
+    pd.testing.assert_frame_equal(found, study.contacts["monday"], check_exact=True)
+    level = loaded.floor_compensation()["monday"].level
+    np.testing.assert_array_equal(level.positions, study.recordings[0].positions)
+    (tmp_path / "level" / "monday.h5").unlink()
+    loaded = replace(loaded)
     for wrong, told in (
         (lambda: loaded.recordings, "level/monday.h5.*, found none"),
-        (loaded.foot_contacts, "foot_contacts: expected a study that computes"),
         (lambda: loaded.plot("verdit"), "did you mean 'verdict'"),
         (lambda: hd.load(tmp_path / "verdict.json"), "folder: expected the folder of"),
         (lambda: hd.load(tmp_path.parent), f"no provenance.*: {tmp_path.name}"),

@@ -402,9 +402,27 @@ def synthesize(
     return recording, truth
 
 
-def planned(allowed: float) -> list[float]:
-    """Return the differences to plan for, beyond what smooth terms may leave."""
-    return [round(allowed + more, 2) for more in BEYOND]
+def planned(allowed: float, margin: float) -> list[float]:
+    """Return the differences to plan for, beyond what smooth terms may leave.
+
+    The margin is one of them if it is beyond that.
+    """
+    differences = {round(allowed + more, 2) for more in BEYOND}
+    if margin > allowed:
+        differences.add(margin)
+    return sorted(differences)
+
+
+def require_lasting(*, saturates: bool) -> None:
+    """Raise an error if the difference of a pilot saturates.
+
+    Raises
+    ------
+    AnalysisError
+        If it does: no number of landings is known for the simultaneous contact.
+    """
+    if saturates:
+        raise AnalysisError(Message("maps.plan_saturates"))
 
 
 @told_call
@@ -419,7 +437,8 @@ def plan(
         A study of a short or a simulated recording.
     differences : sequence of float, optional
         Sizes of the difference, as shares of the map. They must exceed what smooth
-        terms may leave (0.1 or more); by default they exceed it by 0.03 to 0.4.
+        terms may leave (0.1 or more); by default they exceed it by 0.03 to 0.4, and
+        the margin is one of them if it exceeds it, too.
 
     Returns
     -------
@@ -430,8 +449,8 @@ def plan(
     Raises
     ------
     AnalysisError
-        If the pilot has no answer, or if no number of landings shows one of the
-        differences.
+        If the pilot has no answer, if its difference saturates, or if no number of
+        landings shows one of the differences.
     """
     from hopdata.maps.verdict.judge import Verdict
 
@@ -443,9 +462,10 @@ def plan(
         raise AnalysisError(
             f"pilot: expected an answer to plan from: {verdict.sentence}"
         )
+    require_lasting(saturates=verdict.saturates)
     effect = verdict.effect
     if differences is None:
-        differences = planned(effect.least_allowed)
+        differences = planned(effect.least_allowed, verdict.margin)
     sizes = numbers("differences", differences).ravel()
     needed = [
         effect.landings_needed(verdict.n_landings, size, verdict.n_feet)

@@ -29,7 +29,7 @@ from hopdata.figures.catalogue import (
     tables_of,
 )
 from hopdata.jobs import whole_file, write_json
-from hopdata.line import RECORDING, Result, Stage
+from hopdata.line import RECORDING, Stage
 from hopdata.recording import Recording
 from hopdata.recordings.readers import hdf5
 from hopdata.stages import LINE
@@ -476,7 +476,8 @@ class Study(Shown):
         """Write the results and the figures, as the workflow does: see `hopdata.load`.
 
         These are ``verdict.json``, ``quality.json``, ``sections.json``, ``units.json``,
-        ``pairs.h5``, ``maps``, ``tables``, ``figures``, and ``provenance.json`` with
+        ``pairs.h5``, ``maps``, ``tables``, ``figures``; the recordings, as read in
+        ``recordings`` and on a level floor in ``level``; and ``provenance.json`` with
         the configuration and the versions.
 
         Parameters
@@ -501,22 +502,37 @@ class Study(Shown):
             raise ArgumentError.at(
                 "folder", "the name of a folder", f"'{base}'; name one {how}"
             )
-        for name, result in self._results_of_the_whole().items():
-            result.write(base / result.path, self._result(name))
+        for path, (name, recording) in self._files().items():
+            found = self._result(name)
+            if recording:
+                found = found[recording]
+            if isinstance(found, Recording):
+                hdf5.write_recording(base / path, found)
+            else:
+                LINE.results[name].write(base / path, found)
         self._draw(base / "figures", **self.config["figures"])
         # Last, so that a folder that has it is complete.
         write_json(base / "provenance.json", self._provenance())
         return base
 
-    def _results_of_the_whole(self) -> dict[str, Result]:
-        """Return the results that the study has once, not for each recording."""
+    def _files(self) -> dict[str, tuple[str, str]]:
+        """Return the results by their files: name, and the recording if of each one.
+
+        A simulated recording is kept as it was read.
+        """
+        method = self.config["touchdowns"]["method"]
         found = {}
         for stage in LINE.stages.values():
             if stage.name == "constraint_subspaces" and not self._asks_for_distances:
                 continue
+            if stage.name == "simulate":
+                continue
             for name, result in stage.results.items():
-                if not result.wildcards:
-                    found[name] = result
+                if RECORDING not in result.wildcards:
+                    found[result.path.format(method=method)] = (name, "")
+                    continue
+                for one in self._names():
+                    found[result.path.format(recording=one)] = (name, one)
         return found
 
     def _provenance(self) -> Contents:

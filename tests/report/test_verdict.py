@@ -109,9 +109,12 @@ def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings()
 
     over = verdict()["effect"] | {"estimate": 0.21, "low": 0.12, "high": 0.31}
     found = {"conclusion": "different", "saturates": True, "effect_over_landings": over}
+    found["effect"] = over | {"high": None, "upper_bound": None}
     page = Page(build_report(full_study(verdict=verdict(**reach | found))))
     assert "over the landings of this study it is 21 (12 to 31) %." in page.text
     assert "The bar is of the simultaneous contact." in page.text
+    assert "at least 12 %" in page.text.replace("\u00a0", " ")
+    assert "no upper end can be given" in page.text
     assert "6.5 ms" not in page.text
 
     jump = {"decided_by": "jump", "jump": verdict()["effect"]}
@@ -263,16 +266,30 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     assert answer(verdict()) == [verdict()["sentence"]]
 
 
-def test_what_an_extrapolated_difference_leaves_open_stands_apart():
+def test_what_holds_at_the_contact_stands_apart():
     values = {"compared": "6 contact orders", "size": "70 %", "where": ""}
-    values |= {"low": "42 %", "high": "120 %", "confidence": "95 %"}
+    values |= {"low": "42 %", "high": "90 %", "confidence": "95 %"}
     different = {"code": "maps.different", "values": values}
-    extrapolated = {"code": "maps.extrapolated", "values": {}}
-    parts = {"different": different, "reservation": extrapolated}
+    no_upper_end = {"code": "maps.no_upper_end", "values": {"low": "42 %"}}
+    parts = {"different": different, "reservation": no_upper_end}
     message = {"code": "maps.different_reserved", "values": parts}
     said, reservation = answer(verdict(messages={"sentence": message}))
-    assert str(said).endswith("interval 42 % to 120 %).")
-    assert str(reservation).startswith("Reservation: this is the size")
+    assert str(said).endswith("interval 42 % to 90 %).")
+    assert str(reservation).startswith("Where all feet touch at once it is at least 42")
+
+    # A reservation of another version has no template: the sentence is all there is.
+    parts["reservation"] = {"code": "maps.of_another_version", "values": {}}
+    assert answer(verdict(messages={"sentence": message})) == [verdict()["sentence"]]
+
+
+def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():
+    known = verdict(conclusion="different", contact_spread=0.0112)
+    said, scale = answer(known)
+    assert said == known["sentence"]
+    assert "lie 11 ms apart" in str(scale).replace("\u00a0", " ")
+    assert answer(verdict(contact_spread=0.0112)) == [verdict()["sentence"]]
+    jump = {"decided_by": "jump", "jump": verdict()["effect"]}
+    assert answer(known | jump) == [known["sentence"]]
 
 
 def test_a_size_above_the_map_is_rounded_as_in_the_sentence():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -63,13 +64,15 @@ class Methods(Shown):
     text: str
     bibtex: str
 
-    def told(self) -> str:
-        """Return the paragraph."""
-        return self.text
-
-    def __str__(self) -> str:
-        """Return paragraph and references."""
+    def _told(self) -> str:
+        """Return paragraph and references, ready to copy."""
         return f"{self.text}\n\n{self.bibtex}".rstrip("\n")
+
+    def __repr__(self) -> str:
+        return self._told()
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.text)}</p><pre>{escape(self.bibtex)}</pre>"
 
 
 def methods(inputs: ReportInputs, facts: Mapping[str, Any]) -> Methods:

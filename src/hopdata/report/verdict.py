@@ -83,14 +83,26 @@ def answer(verdict: Verdict) -> list[Message | str]:
     message = verdict.get("messages", {}).get("sentence") or {}
     if message.get("code") == RESERVED:
         parts = [message["values"][name] for name in ("different", "reservation")]
-        return [told(part, str(verdict.get("sentence"))) for part in parts]
+        worded_parts = [told(part, "") for part in parts]
+        if all(worded_parts):
+            return worded_parts + _scale(verdict)
     facts = verdict_facts(verdict)
+    if verdict.get("conclusion") == "different":
+        return [worded(verdict, "sentence"), *_scale(verdict)]
     if message.get("code") != AT_CONTACT or not facts["holds_from"]:
         return [worded(verdict, "sentence")]
     bounded = {**message, "code": "maps.no_difference"}
     values = {name: facts[name] for name in REACH}
     reservation = Message("report.reservation", values)
     return [told(bounded, str(verdict.get("sentence"))), reservation]
+
+
+def _scale(verdict: Verdict) -> list[Message | str]:
+    """Return down to which scale a kink is told from a bend of a smooth map."""
+    spread = verdict.get("contact_spread")
+    if spread is None or verdict.get("decided_by") == "jump":
+        return []
+    return [Message("report.scale", {"contact_spread": _milliseconds(spread)})]
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:
@@ -213,13 +225,14 @@ def verdict_facts(
         facts |= _reach_facts(known)
     facts["true"] = _true_effect(truth)
     found = known["conclusion"] == "different"
+    bound = math.inf if effect["upper_bound"] is None else effect["upper_bound"]
     if effect.get("allowed") is not None:
         facts["allowed"] = _percent(effect["allowed"])
-        if not found and effect["upper_bound"] < effect["allowed"]:
+        if not found and bound < effect["allowed"]:
             facts["bound_within"] = _percent(effect["upper_bound"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
-        if not found and effect["upper_bound"] < effect["detectable"]:
+        if not found and bound < effect["detectable"]:
             facts["bound_below"] = _percent(effect["upper_bound"])
     facts["difference"] = _with_interval(effect)
     return facts
@@ -269,8 +282,10 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
 
 
 def _with_interval(effect: Mapping[str, Any]) -> str:
-    estimate = _in_hundredths(effect["estimate"])
     low = _in_hundredths(effect["low"])
+    if effect["high"] is None:
+        return str(Message("report.at_least_size", {"low": show.with_unit(low, "%")}))
+    estimate = _in_hundredths(effect["estimate"])
     high = _in_hundredths(effect["high"])
     return show.with_unit(f"{estimate} ({low} to {high})", "%")
 
@@ -296,7 +311,10 @@ def remark(
         "confidence": show.percent(100 * known["confidence"]),
     }
     said = Message("report.difference_remark", values)
-    if known["conclusion"] != "different":
+    if effect["high"] is None:
+        values["margin"] = _margin(known)
+        said = Message("report.difference_unbounded", values)
+    elif known["conclusion"] != "different":
         values["bound"] = _percent(effect["upper_bound"])
         values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
@@ -390,7 +408,11 @@ def _of_all_orders(verdict: Verdict) -> Message | str:
         "landings": show.count(known),
     }
     effect = _deciding(verdict)
-    if effect is None or verdict["conclusion"] == "different":
+    if (
+        effect is None
+        or effect["upper_bound"] is None
+        or verdict["conclusion"] == "different"
+    ):
         return Message("report.orders_landings", values)
     values["bound"] = _percent(effect["upper_bound"])
     values["margin"] = _margin(verdict)
@@ -494,9 +516,9 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
     effect = verdict.get("effect") or {}
     if effect.get("allowed") is None or verdict["conclusion"] == "different":
         return Message("report.so_what_gains", values)
-    values["bound"] = _percent(effect["upper_bound"])
     values["allowed"] = _percent(effect["allowed"])
     if verdict["conclusion"] == "no difference":
+        values["bound"] = _percent(effect["upper_bound"])
         return Message("report.so_what_small", values)
     return Message("report.so_what_open", values)
 
@@ -537,6 +559,16 @@ def build_group_page(
     rows = group["members"]
     title = "Conditions compared within subjects"
     members: Any = [_member(row) for row in rows]
+    saturate = any(row.get("saturates") for row in rows)
+    judged = [row for row in rows if not row["reason"]]
+    facts = {
+        "one_by_one": one_by_one,
+        "some_saturate": saturate,
+        "n": len(judged),
+        "confidence": show.percent(100 * group["confidence"]),
+        "margin": show.percent(100 * group["margin"]),
+        "of_all": group["effect"] is not None,
+    }
     summed: list[show.Table] = []
     if not one_by_one:
         summed = summaries(rows)
@@ -546,10 +578,11 @@ def build_group_page(
         "group.html.j2",
         group=group,
         highlights=_highlights(group),
-        pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
+        pictures=[picture_of(one, facts) for one in figures],
         one_by_one=one_by_one,
         methods=group_methods(group),
         some_without=any(row["reason"] for row in rows),
+        some_saturate=saturate,
         summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
@@ -626,5 +659,11 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
         cells["size"] = _percent(row["estimate"])
         low = row["low"]
         high = row["high"]
+    if row.get("saturates"):
+        over = _percent(row["over_landings_estimate"])
+        cells["size"] += f" (over the landings {over})"
+    if high is None:
+        cells["ends"] = f"at least {_percent(low)}"
+        return cells
     cells["ends"] = f"{_percent(low)} to {_percent(high)}"
     return cells

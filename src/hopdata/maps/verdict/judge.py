@@ -26,7 +26,7 @@ from hopdata.maps.verdict import data, inputs, limits
 from hopdata.maps.verdict import orders as which
 from hopdata.maps.verdict.comparison import compared
 from hopdata.maps.verdict.data import Measured, Options
-from hopdata.maps.verdict.effect import EffectSize
+from hopdata.maps.verdict.effect import AtContact, EffectSize
 from hopdata.maps.verdict.sizes import at_contact, sizes_of
 from hopdata.maps.verdict.so_far import so_far
 from hopdata.maps.verdict.what_now import (
@@ -46,8 +46,13 @@ from hopdata.maps.verdict.words import (
     outlook,
     percent,
     sentence,
+    with_reservation,
+    without_upper_end,
 )
 from hopdata.messages import Message
+
+# Values of a verdict that are sizes.
+SIZES = ("effect", "effect_over_landings", "jump")
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,7 +85,7 @@ class Verdict(Shown):
         Number of random sign patterns.
     effect
         Size of the difference at the simultaneous contact; None if it could not be
-        computed.
+        computed. If the difference saturates, it has no upper end.
     effect_over_landings
         Size of the mean difference over the landings. It is the same as ``effect``
         unless the difference saturates as the contacts come farther apart.
@@ -186,7 +191,12 @@ class Verdict(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``."""
-        return asdict(self)
+        values = asdict(self)
+        for name in SIZES:
+            size = getattr(self, name)
+            if size is not None:
+                values[name] = size.to_dict()
+        return values
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> "Verdict":
@@ -203,9 +213,9 @@ class Verdict(Shown):
             found = f"other ones ({odd}): it is of another version of hopdata"
             raise AnalysisError.at("verdict", "the values of this version", found)
         values = dict(content)
-        for name in ("effect", "effect_over_landings", "jump"):
+        for name in SIZES:
             if values[name] is not None:
-                values[name] = EffectSize(**values[name])
+                values[name] = EffectSize.from_dict(values[name])
         values["session"] = tuple(values["session"])
         values["messages"] = {
             name: Message.from_dict(one) for name, one in values["messages"].items()
@@ -334,12 +344,12 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jump = sizes.jump
 
     answer = _answer(
-        effect,
+        contact,
+        over_landings,
         comparison.what,
         measured,
         options,
         spreads,
-        saturates=contact.saturates,
     )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
@@ -350,7 +360,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         growth = fit.growth(landings)
         limited += limits.grows(growth)
         if limits.fades(growth):
-            fading = _with_reservation(answer.sentence, Message("maps.fades"))
+            fading = with_reservation(answer.sentence, Message("maps.fades"))
             answer = replace(answer, sentence=fading)
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)
@@ -371,7 +381,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
             landings,
             margin=margin,
             alike=sizes.alike,
-            at_contact=effect if contact.saturates else None,
+            saturates=contact.saturates,
         )
     return Verdict(
         conclusion=answer.conclusion,
@@ -483,33 +493,37 @@ class _Answer:
 
 
 def _answer(
-    effect: EffectSize,
+    contact: AtContact,
+    over_landings: EffectSize,
     what: Message,
     measured: Measured,
     options: Options,
     spreads: float | None,
-    *,
-    saturates: bool,
 ) -> _Answer:
-    """Return what the size of the difference says."""
+    """Return what the size of the difference says.
+
+    The sentence tells the size over the landings. If the difference saturates, that at
+    the simultaneous contact is known from below only.
+    """
+    effect = contact.size
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
     needed = None
     if effect.least_allowed < ASKED:
         needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
     could_show = outlook(effect, needed, measured.n_known, options.power)
-    if saturates:
+    if contact.saturates:
         could_show = Message("maps.outlook_saturates", {"outlook": could_show})
     said = sentence(
         conclusion,
-        effect.sizes(),
+        over_landings.sizes(),
         what,
         options.confidence,
         options.margin,
         spreads=spreads,
-        over_landings=not saturates,
+        over_landings=True,
     )
-    if conclusion == DIFFERENT and saturates:
-        said = _with_reservation(said, Message("maps.extrapolated"))
+    if contact.saturates:
+        said = without_upper_end(said, conclusion, effect.low)
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
@@ -517,12 +531,6 @@ def _answer(
         sentence=said,
         outlook=could_show,
     )
-
-
-def _with_reservation(sentence: Message, reservation: Message) -> Message:
-    """Return what is said of a difference, and what it leaves open."""
-    values = {"different": sentence, "reservation": reservation}
-    return Message("maps.different_reserved", values)
 
 
 def _with_jump(

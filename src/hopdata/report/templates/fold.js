@@ -91,8 +91,6 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
   const figure = drawn.querySelector("[id^=figure_]"), found = figure ? parts(figure) : [];
   drawn.remove();
   const panels = found.filter((part) => /^(axes|subfigure)/.test(part.of[0].id));
-  // A single panel is drawn smaller instead, so that nothing of it is cut.
-  if (panels.length === 1) wide.classList.add("whole");
   if (panels.length < 2 || panels.some(({ left, right }) => right - left > room)) return;
   const all = found.flatMap((part) => part.of);
   found.forEach(({ left, right, top, bottom, of }, number) => {
