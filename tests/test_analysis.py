@@ -134,7 +134,8 @@ def test_what_a_notebook_looks_at(study):
 
 def test_no_column_of_a_table_shadows_an_attribute(study):
     study = study[0]
-    tables = {**study.tables, "quality": study.quality, "candidates": study.candidates}
+    tables = {**study.tables, "quality": study.quality}
+    tables["schedules"] = study.mode_schedules().schedules
     for name, by_recording in [*tables.items()]:
         if isinstance(by_recording, dict):
             tables |= {f"{name} {key}": one for key, one in by_recording.items()}
@@ -175,9 +176,15 @@ def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
     assert loaded.sections == study.sections
     save_figure(loaded.plot(), tmp_path / "again", formats=["svg"])
     assert (tmp_path / "again.svg").read_text() == drawn
+    assert loaded.methods() == study.methods()
+    found = loaded.foot_contacts().contacts["monday"]
+    pd.testing.assert_frame_equal(found, study.contacts["monday"], check_exact=True)
+    level = loaded.floor_compensation()["monday"].level
+    np.testing.assert_array_equal(level.positions, study.recordings[0].positions)
+    (tmp_path / "level" / "monday.h5").unlink()
+    loaded = replace(loaded)
     for wrong, told in (
         (lambda: loaded.recordings, "level/monday.h5.*, found none"),
-        (loaded.foot_contacts, "foot_contacts: expected a study that computes"),
         (lambda: loaded.plot("verdit"), "did you mean 'verdict'"),
         (lambda: hd.load(tmp_path / "verdict.json"), "folder: expected the folder of"),
         (lambda: hd.load(tmp_path.parent), f"no provenance.*: {tmp_path.name}"),
@@ -221,7 +228,7 @@ def test_no_name_of_a_figure_computes_anything(short_study):
     figures = hd.study(short_study.imported[0]).figures
     assert figures.verdict.__doc__.startswith("Draw the verdict")
     assert "<td>Draw the verdict" in figures._repr_html_()
-    assert not figures.of._returned
+    assert not figures._study._returned
     with pytest.raises(hd.HopdataError, match="the arguments ax, style"):
         figures.verdict(axes=3)
 

@@ -84,7 +84,7 @@ ABOVE = {
     "reading": {"config", "landings", "recordings"},
     "analysis": {"config", "maps", "reading", "recordings", "stages", "walk"},
     "contact_times": {"config", "landings", "reading", "recordings"},
-    "saved": {"line", "maps", "stages", "walk"},
+    "saved": {"group", "line", "maps", "report", "stages", "walk"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},
 }

@@ -9,12 +9,16 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, HopdataError
 
 logger = logging.getLogger("hopdata")
 # Most studies that a page shows one by one; it sums up more of them.
 MOST_ONE_BY_ONE = 100
+# The size and its ends, which a row also has over the landings: that of the contact is
+# another where the difference saturates.
+SIZES = ("estimate", "low", "high", "upper_bound")
 # Most subjects that a sentence names.
 MOST_NAMED = 5
 
@@ -66,6 +70,10 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     study.report(folder / "report.html", drawn=drawn)
     checks = study.quality.to_dict("records")
     row["conclusion"] = verdict.conclusion
+    row["saturates"] = verdict.saturates
+    if verdict.effect_over_landings is not None:
+        of_landings = asdict(verdict.effect_over_landings)
+        row |= {f"over_landings_{size}": of_landings[size] for size in SIZES}
     row["landings"] = verdict.n_landings
     row["landings_needed"] = verdict.landings_needed
     row["decided_by"] = verdict.decided_by
@@ -92,13 +100,15 @@ def put_together(
     -------
     dict
         ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason
-        in the sentence), ``conditions`` (rows of `compare_conditions`) and ``members``.
+        in the sentence), ``conditions`` (rows of `compare_conditions`), ``members`` and
+        the ``version`` of hopdata.
     """
     from hopdata.maps.verdict.group import compare_conditions, judge_group, told_apart
 
     answered = pd.DataFrame([row for row in rows if not row["reason"]])
     found: dict[str, Any] = {
         "study": group["study"],
+        "version": __version__,
         "margin": group["verdict"]["margin"],
         "confidence": group["verdict"]["confidence"],
         "members": list(rows),

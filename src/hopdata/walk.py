@@ -29,8 +29,8 @@ from hopdata.figures.catalogue import (
     tables_of,
 )
 from hopdata.jobs import whole_file, write_json
-from hopdata.line import RECORDING, Result, Stage
-from hopdata.recording import Recording
+from hopdata.line import RECORDING, Stage
+from hopdata.recording import Recording, place_of
 from hopdata.recordings.readers import hdf5
 from hopdata.stages import LINE
 
@@ -52,14 +52,14 @@ class Study(Shown):
     ----------
     config
         The whole configuration, as `hopdata.config.load_config` returns it.
-    given
+    _given
         Plausible recordings to use instead of the configuration's files.
     progress
         Function that is called with the name of each stage as it begins.
     """
 
     config: Contents
-    given: tuple[Recording, ...] = ()
+    _given: tuple[Recording, ...] = ()
     progress: Progress = field(default=lambda _stage: None)
     #: What each stage that has run returned; by recording if it ran for each of them.
     _returned: dict[str, Any] = field(default_factory=dict, init=False)
@@ -109,7 +109,7 @@ class Study(Shown):
         return found
 
     def mode_schedules(self) -> stages.ModeSchedules:
-        """Label each touchdown with the order of its contacts; see `candidates`."""
+        """Label each touchdown with the order of its contacts."""
         found: stages.ModeSchedules = self._run("mode_schedules")
         return found
 
@@ -203,7 +203,7 @@ class Study(Shown):
 
     def _imported(self, name: str) -> stages.Imported:
         """Import a recording, unless it was given; simulate it if it has no file."""
-        for recording in self.given:
+        for recording in self._given:
             if recording.name == name:
                 self.progress(f"import_recording {name}")
                 return stages.Imported(recording)
@@ -260,12 +260,6 @@ class Study(Shown):
     def sections(self) -> Sections:
         """The two Poincare sections."""
         found: Sections = self._result("sections")
-        return found
-
-    @property
-    def candidates(self) -> pd.DataFrame:
-        """Touchdowns, including those that lack a state at one of the sections."""
-        found: pd.DataFrame = self._result("schedules")
         return found
 
     @property
@@ -340,11 +334,11 @@ class Study(Shown):
         Figure
             Or, with `ax`, what was drawn into.
         """
-        names = [*self.figures.names, *self.figures.of_packages]
+        names = [*self.figures.names, *self.figures._of_packages]
         require_choice("figure", figure, names)
         return getattr(self.figures, figure)(ax=ax, style=style)
 
-    def content(self, file: str) -> Any:
+    def _content(self, file: str) -> Any:
         """Return the content that the workflow's file of this path would have.
 
         Parameters
@@ -409,6 +403,7 @@ class Study(Shown):
 
     def _report_inputs(self, drawn: Path | None) -> Any:
         """Return what the page shows, with the figures of a folder if it has any."""
+        from hopdata.config.loading import what_is_set
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
@@ -447,6 +442,7 @@ class Study(Shown):
             remarks=self._result("remarks"),
             one_or_own=self._result("one_or_own"),
             simulated=self._is_simulated(),
+            settings=what_is_set(self.config),
             notes=notes,
         )
 
@@ -476,7 +472,8 @@ class Study(Shown):
         """Write the results and the figures, as the workflow does: see `hopdata.load`.
 
         These are ``verdict.json``, ``quality.json``, ``sections.json``, ``units.json``,
-        ``pairs.h5``, ``maps``, ``tables``, ``figures``, and ``provenance.json`` with
+        ``pairs.h5``, ``maps``, ``tables``, ``figures``; the recordings, as read in
+        ``recordings`` and on a level floor in ``level``; and ``provenance.json`` with
         the configuration and the versions.
 
         Parameters
@@ -501,28 +498,43 @@ class Study(Shown):
             raise ArgumentError.at(
                 "folder", "the name of a folder", f"'{base}'; name one {how}"
             )
-        for name, result in self._results_of_the_whole().items():
-            result.write(base / result.path, self._result(name))
+        for path, (name, recording) in self._files().items():
+            found = self._result(name)
+            if recording:
+                found = found[recording]
+            if isinstance(found, Recording):
+                hdf5.write_recording(base / path, found)
+            else:
+                LINE.results[name].write(base / path, found)
         self._draw(base / "figures", **self.config["figures"])
         # Last, so that a folder that has it is complete.
         write_json(base / "provenance.json", self._provenance())
         return base
 
-    def _results_of_the_whole(self) -> dict[str, Result]:
-        """Return the results that the study has once, not for each recording."""
+    def _files(self) -> dict[str, tuple[str, str]]:
+        """Return the results by their files: name, and the recording if of each one.
+
+        A simulated recording is kept as it was read.
+        """
+        method = self.config["touchdowns"]["method"]
         found = {}
         for stage in LINE.stages.values():
             if stage.name == "constraint_subspaces" and not self._asks_for_distances:
                 continue
+            if stage.name == "simulate":
+                continue
             for name, result in stage.results.items():
-                if not result.wildcards:
-                    found[name] = result
+                if RECORDING not in result.wildcards:
+                    found[result.path.format(method=method)] = (name, "")
+                    continue
+                for one in self._names():
+                    found[result.path.format(recording=one)] = (name, one)
         return found
 
     def _provenance(self) -> Contents:
         from hopdata.provenance import provenance
 
-        digests = {one.place: one.source_sha256 for one in self.imported}
+        digests = {place_of(one): one.source_sha256 for one in self.imported}
         return provenance(self.config, digests, [])
 
 
@@ -551,33 +563,33 @@ class Figures:
     `hopdata.figures.style.styled`.
     """
 
-    of: Study
+    _study: Study
 
     @property
     def names(self) -> dict[str, str]:
         """Names of the functions -> names of the figures in the workflow's results."""
         drawings = [*FIGURES["landings"], *FIGURES["maps"]]
-        if not self.of._asks_for_distances:
+        if not self._study._asks_for_distances:
             drawings.remove(OF_DISTANCES)
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 
     @property
-    def of_packages(self) -> list[str]:
+    def _of_packages(self) -> list[str]:
         """Names of the figures that installed packages bring (docs/plugins.md)."""
         return sorted(of_packages())
 
     def __dir__(self) -> list[str]:
-        return sorted({*self.names, *self.of_packages, "names", "of_packages"})
+        return sorted({*self.names, *self._of_packages, "names"})
 
     def __repr__(self) -> str:
-        names = ", ".join([*self.names, *self.of_packages])
-        return f"<figures of study '{self.of.config['study']}': {names}>"
+        names = ", ".join([*self.names, *self._of_packages])
+        return f"<figures of study '{self._study.config['study']}': {names}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name in of_packages():
             return self._of_package(name)
         if name.startswith("_") or name not in self.names:
-            raise absent("study.figures", name, [*self.names, *self.of_packages])
+            raise absent("study.figures", name, [*self.names, *self._of_packages])
         full = self.names[name]
         draw = function_of(full)
 
@@ -585,7 +597,7 @@ class Figures:
         # that complete them, must not run a study.
         @wraps(draw.func)
         def drawn(*, ax: Any = None, style: str | None = None) -> Any:
-            contents = [self.of.content(file) for file in tables_of(full)]
+            contents = [self._study._content(file) for file in tables_of(full)]
             return draw(*contents, ax=ax, style=style)
 
         del drawn.__wrapped__  # its signature is that of `drawn`
@@ -599,7 +611,7 @@ class Figures:
 
         @styled
         def drawn() -> Any:
-            return drawn_by_package(entry, self.of.content)
+            return drawn_by_package(entry, self._study._content)
 
         drawn.__name__ = name
         return drawn

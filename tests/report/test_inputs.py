@@ -199,7 +199,7 @@ def test_the_caption_of_the_scaling_study_gives_its_slopes():
     }
     facts = study_facts(ReportInputs("study", truth=truth))
     caption = render_caption(captions()["scaling_study"], facts, name="scaling_study")
-    assert "itself (slopes hopper 1.95, delay 1.20). (b)" in caption.paragraphs[0]
+    assert "Over all scales: hopper 1.95, delay 1.20." in " ".join(caption.paragraphs)
 
 
 # The policy of pages.

@@ -9,6 +9,7 @@ from hopdata.report.page import build_report
 from hopdata.report.verdict import (
     SATURATES_BELOW,
     answer,
+    contacts_told,
     meaning,
     one_or_own_table,
     orders_table,
@@ -141,7 +142,7 @@ def test_which_orders_differ_is_said_and_tabled():
     assert "Which orders differ: most of all: landings with foot 1 first." in page.text
     row = "two maps 1 → 2 and 2 → 1 31, 47 40.0 20.0 50.0 0.0005"
     assert row in page.text
-    for assumed in ("max T over 1999 random sign", "Up to 10 % is no evidence"):
+    for assumed in ("max T over 1999 random sign", "up to 10 % in one of these rows"):
         assert assumed in page.text.replace("\u00a0", " ")
     assert "Which orders differ:" not in Page(build_report(full_study())).text
     named = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
@@ -169,7 +170,7 @@ def test_a_verdict_of_this_version_is_worded_anew():
     message = {"outlook": {"code": said.code, "values": said.values}}
     assert worded(verdict(messages=message), "outlook") == said
     assert worded(verdict(), "outlook") == verdict()["outlook"]
-    assert worded(verdict(), "mainly") == ""
+    assert worded(verdict(), "main_contrast") == ""
 
 
 def test_rows_above_the_bound_of_the_answer_are_explained():
@@ -310,3 +311,18 @@ def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}
     facts = verdict_facts({**one, "effect": {**one["effect"], **wide}})
     assert facts["difference"] == "70 (42 to 120)\u00a0%"
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("foretold", "How the contacts vary is foretold to 99 % before the landing."),
+        ("states", ""),
+    ],
+)
+def test_orders_that_a_figure_shows_are_not_listed_in_a_sentence(code, told):
+    values = {"orders": "heel → toe (27), toe → heel (23)", "share": "99 %"}
+    known = {"messages": {"contacts": {"code": f"maps.so_far_{code}"}}}
+    known["messages"]["contacts"]["values"] = values
+    assert str(contacts_told(known)) == told
+    assert contacts_told({"contacts": "as written"}) == "as written"

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import Shown, pd
 from hopdata.errors import counted, with_names
 from hopdata.feet import foot_names
+from hopdata.foreign.working_folder import is_own
 from hopdata.messages import Message
 from hopdata.report.formatting import significant
 from hopdata.report.inputs import ReportInputs
@@ -63,13 +65,15 @@ class Methods(Shown):
     text: str
     bibtex: str
 
-    def told(self) -> str:
-        """Return the paragraph."""
-        return self.text
-
-    def __str__(self) -> str:
-        """Return paragraph and references."""
+    def _told(self) -> str:
+        """Return paragraph and references, ready to copy."""
         return f"{self.text}\n\n{self.bibtex}".rstrip("\n")
+
+    def __repr__(self) -> str:
+        return self._told()
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.text)}</p><pre>{escape(self.bibtex)}</pre>"
 
 
 def methods(inputs: ReportInputs, facts: Mapping[str, Any]) -> Methods:
@@ -144,7 +148,9 @@ def _of_recordings(
     entries = config.get("recordings") or [{}]
     if any(entry.get("file") for entry in entries) or "simulation" not in config:
         return Message("report.methods_simulated", values)
-    values["scene"] = config["simulation"].get("scene")
+    scene = str(config["simulation"].get("scene"))
+    of_hopdata = "" if is_own(scene) else " of hopdata"
+    values["scene"] = f"scene {scene}{of_hopdata}"
     cameras = config["motion_capture"]
     values["noise"] = f"{1e3 * cameras['noise_m']:.2g}"
     values["noise_of"] = cameras["noise_of"]

@@ -156,6 +156,31 @@ def worded(verdict: Verdict, name: str) -> Message | str:
     return as_written
 
 
+# Messages on what foretells the contacts if the maps were not compared, and the same
+# without the orders, which they list with their landings.
+WITHOUT_ORDERS = {
+    "maps.so_far_few": "report.so_far_few",
+    "maps.so_far_errors": "report.so_far_errors",
+    "maps.so_far_foretold": "report.so_far_foretold",
+}
+ORDERS_ALONE = "maps.so_far_states"
+
+
+def contacts_told(verdict: Verdict) -> Message | str:
+    """Return what foretells the contacts, without the orders that a figure shows.
+
+    If the maps were not compared, the sentence lists all orders with their landings,
+    for readers of the file alone.
+    """
+    message = verdict.get("messages", {}).get("contacts", {})
+    code = message.get("code")
+    if code == ORDERS_ALONE:
+        return ""
+    if code in WITHOUT_ORDERS:
+        return Message(WITHOUT_ORDERS[code], message.get("values", {}))
+    return worded(verdict, "contacts")
+
+
 def told(message: Mapping[str, Any], as_written: str) -> Message | str:
     """Return a message with code and values from a file, to be put into words.
 
@@ -213,7 +238,7 @@ def verdict_facts(
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
-        "contacts": known.get("contacts"),
+        "contacts": str(contacts_told(known)) or None,
         "conclusion": known.get("conclusion"),
         "found": effect is not None,
         "jumps": known.get("decided_by") == "jump",
@@ -579,6 +604,19 @@ def build_group_page(
     rows = group["members"]
     title = "Conditions compared within subjects"
     members: Any = [_member(row) for row in rows]
+    saturate = any(row.get("saturates") for row in rows)
+    judged = [row for row in rows if not row["reason"]]
+    facts = {
+        "one_by_one": one_by_one,
+        "some_saturate": saturate,
+        "n": len(judged),
+        "confidence": show.percent(100 * group["confidence"]),
+        "margin": show.percent(100 * group["margin"]),
+        "of_all": group["effect"] is not None,
+    }
+    reasons = {row["reason"] for row in rows}
+    if len(reasons) == 1:  # the sentence at the top of the page says it once
+        members = [{**cells, "reason_told": ""} for cells in members]
     summed: list[show.Table] = []
     if not one_by_one:
         summed = summaries(rows)
@@ -588,10 +626,11 @@ def build_group_page(
         "group.html.j2",
         group=group,
         highlights=_highlights(group),
-        pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
+        pictures=[picture_of(one, facts) for one in figures],
         one_by_one=one_by_one,
         methods=group_methods(group),
         some_without=any(row["reason"] for row in rows),
+        some_saturate=saturate,
         summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
@@ -604,10 +643,8 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number of a group."""
     rows = group["members"]
     effect = group["effect"]
-    answers: Counter[str] = Counter()
-    for row in rows:
-        answers["no answer" if row["reason"] else row["conclusion"]] += 1
-    judged = f"{len(rows) - answers['no answer']} of {len(rows)}"
+    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
+    judged = f"{answers.total()} of {len(rows)}"
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
     studies = ("Studies judged", judged, said)
     if effect is None:
@@ -656,6 +693,7 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     if row.get("conclusion") != "different" and needed > row.get("landings", 0):
         cells["needed"] = show.count(needed)
 
+    cells["reason_told"] = f": {row['reason']}"
     cells["size"] = None
     cells["ends"] = ""
     if row["reason"]:
@@ -668,6 +706,9 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
         cells["size"] = _percent(row["estimate"])
         low = row["low"]
         high = row["high"]
+    if row.get("saturates"):
+        over = _percent(row["over_landings_estimate"])
+        cells["size"] += f" (over the landings {over})"
     if high is None:
         cells["ends"] = f"at least {_percent(low)}"
         return cells

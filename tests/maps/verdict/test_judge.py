@@ -464,7 +464,7 @@ def test_mistakes_are_left_out_and_told():
     data = landings()
     clean = verdict(data)
     assert not clean.notes
-    data.after[[3, 500], -1] += 50.0
+    data.after[[2, 499], -1] += 50.0
     answer = verdict(data)
     note = answer.notes[-1]
     assert note["what"] == "landings left out as far off"
@@ -477,7 +477,7 @@ def test_mistakes_are_left_out_and_told():
 def test_rows_of_mistakes_are_those_of_the_arrays_given():
     data = landings()
     data.instants[10, 0] = np.nan
-    data.after[[3, 500], -1] += 50.0
+    data.after[[2, 499], -1] += 50.0
     answer = verdict(data)
     assert answer.gross_errors == {"markers_apart": [3, 500]}
     assert [note["code"] for note in answer.notes] == [
