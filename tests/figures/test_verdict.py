@@ -112,6 +112,23 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(
     )
 
 
+@pytest.mark.parametrize(
+    ("conclusion", "words"),
+    [("different", "by at least 12 %"), ("cannot tell", "no upper bound")],
+)
+def test_a_size_without_an_upper_end_ends_in_an_arrow(conclusion, words):
+    size = {"estimate": 0.3, "low": 0.0, "detectable": 0.2}
+    if conclusion == "different":
+        size["low"] = 0.12
+    open_end = {"effect": size | {"high": None, "upper_bound": None}}
+    axes = verdict_figure(verdict(conclusion, **open_end), touchdowns()).axes[0]
+    assert words in axes.get_title("left").replace("\u00a0", " ")
+    top = axes.get_xlim()[1]
+    assert list(axes.lines[0].get_xdata()) == pytest.approx([100 * size["low"], top])
+    assert axes.lines[1].get_marker() == ">"
+    assert "no upper end, 95 % confidence" in texts(axes)
+
+
 def test_sentences_are_left_to_the_caption():
     """A figure of a paper has none below its axes, whatever is known."""
     plain = verdict_figure(verdict(), touchdowns())

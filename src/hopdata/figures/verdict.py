@@ -239,6 +239,8 @@ def _draw_interval(
         words = f"{sure} interval"
     else:
         words = f"not excluded, {sure} confidence"
+    if not math.isfinite(end):
+        words = f"no upper end, {sure} confidence"
     _write(axes, words, (low, BAR_TEXT_ROW), colour, top)
 
 
