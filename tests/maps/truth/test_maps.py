@@ -241,3 +241,10 @@ def test_score_says_whether_the_interval_holds_the_truth(true, covered):
 def test_no_answer_is_not_scored():
     none = {"conclusion": "cannot tell", "effect": None}
     assert score_verdict(verdict_errors(0.1, none)) == {}
+
+
+@pytest.mark.parametrize(("true", "holds"), [(0.8, True), (0.01, False)])
+def test_an_interval_without_an_upper_end_holds_all_that_is_not_below_it(true, holds):
+    open_end = ANSWER["effect"] | {"low": 0.05, "high": None, "upper_bound": None}
+    entries = score_verdict(verdict_errors(true, ANSWER | {"effect": open_end}))
+    assert entries["verdict_interval_covers"]["value"] is holds
