@@ -137,7 +137,9 @@ def test_which_orders_differ_is_said_and_tabled():
     pair = {"of": "map", "first": "1>2", "second": "2>1", "estimate": 0.4}
     pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
     pair |= {"n_first": 31, "n_second": 47, "allowed": 0.1}
-    known = verdict(orders=[pair], main_contrast="most of all: landings with foot 1 first")
+    known = verdict(
+        orders=[pair], main_contrast="most of all: landings with foot 1 first"
+    )
     page = Page(build_report(full_study(verdict=known)))
     assert "Which orders differ: most of all: landings with foot 1 first." in page.text
     row = "two maps 1 → 2 and 2 → 1 31, 47 40.0 20.0 50.0 0.0005"
