@@ -272,7 +272,7 @@ def judged(one: Cell, seed: int, body: Body, landings: Landings) -> dict[str, An
     row: dict[str, Any] = {
         "judge_s": time.process_time() - began,
         "conclusion": verdict.conclusion,
-        "foretold": verdict.foretold,
+        "foretold": verdict.contacts_r2,
         "saturates": int(verdict.saturates),
         "notes": " ".join(sorted({note["code"] for note in verdict.notes})),
     }

@@ -141,8 +141,8 @@ def test_the_caption_of_the_verdict_says_what_is_drawn():
 
 def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
     told = {
-        "foretold": 0.971,
-        "mainly": "most of all: feet 1 and 2",
+        "contacts_r2": 0.971,
+        "main_contrast": "most of all: feet 1 and 2",
         "gross_errors": {"outcome_far_off": [1522], "state_far_off": [3, 1522]},
         "messages": {"outlook": {"values": {"asked": "20 %", "number": "1,100"}}},
     }

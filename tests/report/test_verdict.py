@@ -170,7 +170,7 @@ def test_a_verdict_of_this_version_is_worded_anew():
     message = {"outlook": {"code": said.code, "values": said.values}}
     assert worded(verdict(messages=message), "outlook") == said
     assert worded(verdict(), "outlook") == verdict()["outlook"]
-    assert worded(verdict(), "mainly") == ""
+    assert worded(verdict(), "main_contrast") == ""
 
 
 def test_rows_above_the_bound_of_the_answer_are_explained():

@@ -361,7 +361,7 @@ def _far_off(verdict: Mapping[str, Any]) -> Message | str:
 
 def _not_judged(verdict: Mapping[str, Any]) -> Message:
     """Say that no maps were compared, and why."""
-    so_far = verdict.get("so_far") or {}
+    so_far = verdict.get("preliminary") or {}
     orders = so_far.get("orders") or []
     known = verdict.get("n_landings") or 0
     few = known < so_far.get("least_landings", 0)

@@ -78,7 +78,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "one_or_own": verdict.one_or_own_facts(inputs.one_or_own, _feet(inputs)),
         "feet": _numbered(_feet(inputs)),
         "simulated": bool(truth) or inputs.simulated or _from_simulation(inputs),
-        "mainly": str((inputs.verdict or {}).get("mainly") or ""),
+        "mainly": str((inputs.verdict or {}).get("main_contrast") or ""),
         "noise_left": _noise_allowed_for(inputs.notes),
     }
 
@@ -325,7 +325,7 @@ def build_report(inputs: ReportInputs) -> str:
         facts=facts,
         answer=verdict.answer(known),
         outlook=verdict.worded(known, "outlook"),
-        mainly=verdict.worded(known, "mainly"),
+        mainly=verdict.worded(known, "main_contrast"),
         contacts=verdict.contacts_told(known),
         highlights=_highlights(facts, inputs),
         keys=_keys_of(facts, inputs),

@@ -291,7 +291,7 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
         "fitted": None,
         "left_out": None,
         "foretold": None,
-        "mainly": verdict.get("mainly") or None,
+        "mainly": verdict.get("main_contrast") or None,
         "asked": None,
         "needed": None,
     }
@@ -300,8 +300,8 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
         facts["fitted"] = show.count(verdict.get("n_window"))
     if left_out:
         facts["left_out"] = show.count(len(left_out))
-    if verdict.get("foretold") is not None:
-        share = show.fixed(100 * verdict["foretold"], 1)
+    if verdict.get("contacts_r2") is not None:
+        share = show.fixed(100 * verdict["contacts_r2"], 1)
         facts["foretold"] = show.with_unit(share, "%")
     if "number" in outlook:
         facts["asked"] = str(outlook["asked"])

@@ -1721,7 +1721,7 @@ def verdict(x, y, instants, seed, **options):
         "landings_needed": needed,
         "n_landings": section.n,
         "n_window": len(fit.rows),
-        "foretold": section.foretold,
+        "contacts_r2": section.foretold,
         "effect_over_landings": effects[0],
         "effect": effect,
         "jump": jump,

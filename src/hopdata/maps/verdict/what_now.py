@@ -82,7 +82,7 @@ class Limit:
 def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]:
     """Return what limits a study without a size; nothing if it is another mistake.
 
-    `orders` are those that occur, with their ``landings``: see `so_far`.
+    `orders` are those that occur, with their ``landings``: see `preliminary`.
     """
     found = REASONS.get(str(error.code))
     if found is None:
