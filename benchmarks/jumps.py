@@ -333,7 +333,7 @@ def table_of(config: str, run: bool) -> pd.DataFrame:
         return pd.read_csv(
             f"results/{name}/tables/touchdowns.csv", keep_default_na=True
         )
-    return Study(load_config(config)).candidates
+    return Study(load_config(config)).mode_schedules().schedules
 
 
 def compare(

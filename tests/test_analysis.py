@@ -134,7 +134,8 @@ def test_what_a_notebook_looks_at(study):
 
 def test_no_column_of_a_table_shadows_an_attribute(study):
     study = study[0]
-    tables = {**study.tables, "quality": study.quality, "candidates": study.candidates}
+    tables = {**study.tables, "quality": study.quality}
+    tables["schedules"] = study.mode_schedules().schedules
     for name, by_recording in [*tables.items()]:
         if isinstance(by_recording, dict):
             tables |= {f"{name} {key}": one for key, one in by_recording.items()}
@@ -227,7 +228,7 @@ def test_no_name_of_a_figure_computes_anything(short_study):
     figures = hd.study(short_study.imported[0]).figures
     assert figures.verdict.__doc__.startswith("Draw the verdict")
     assert "<td>Draw the verdict" in figures._repr_html_()
-    assert not figures.of._returned
+    assert not figures._study._returned
     with pytest.raises(hd.HopdataError, match="the arguments ax, style"):
         figures.verdict(axes=3)
 

@@ -3,13 +3,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import hopdata as hd
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, require_distinct
 
 
 def source(name, *digests):
     return SimpleNamespace(
-        name=name, place=f"{name}.tsv", source_sha256=", ".join(digests)
+        name=name, source=f"{name}.tsv", source_sha256=", ".join(digests)
     )
 
 
@@ -28,7 +29,8 @@ def test_different_files_and_those_without_a_file_are_distinct():
 )
 def test_the_same_bytes_under_another_name_are_refused(recordings):
     with pytest.raises(
-        RecordingError, match=r"b\.tsv: .* file 2 of recording 'b' .* count twice"
+        RecordingError,
+        match=r"b\.tsv and 1 more: .* file 2 of recording 'b' .* count twice",
     ):
         require_distinct(recordings)
 
@@ -60,3 +62,30 @@ def test_what_an_array_masks_was_not_seen():
     assert np.isnan(made.positions[5, 2]).all()
     assert np.isnan(made.positions).sum() == 3
     assert type(made.positions) is np.ndarray
+
+
+def standing(seen=True):
+    time = np.arange(5) / 100
+    positions = np.ones((5, 2, 3))
+    if not seen:
+        positions[2, 1] = np.nan
+    return Recording.from_arrays(time, positions, ["toe", "hip"], feet=["toe"])
+
+
+def test_recordings_are_equal_if_all_is_the_same(tmp_path):
+    recording = standing(seen=False)
+    assert recording == standing(seen=False)
+    assert recording != standing()
+    assert recording != "recording"
+    assert [*recording] == ["toe", "hip"]
+    assert (recording.n_frames, recording.duration_s) == (5, 0.04)
+    again = hd.read(recording.save(tmp_path / "a" / "kept.h5"), name="recording")
+    np.testing.assert_array_equal(again.positions, recording.positions)
+    assert again.roles == recording.roles
+    assert recording.plot("toe").axes
+    for wrong, told in (
+        (lambda: recording.save("kept.csv"), r"ends in \.h5, found 'kept.csv'"),
+        (lambda: recording[0.0:0.02], r"in frames, .*take between\(begin_s, end_s\)"),
+    ):
+        with pytest.raises(hd.HopdataError, match=told):
+            wrong()

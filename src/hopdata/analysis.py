@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
 from hopdata.bundled import SNAKEFILE
-from hopdata.config.loading import check_keys, load_config, read_yaml, section_names
+from hopdata.config.loading import (
+    check_keys,
+    load_config,
+    read_yaml,
+    scene_said,
+    section_names,
+)
 from hopdata.errors import (
     AnalysisError,
     ArgumentError,
@@ -27,7 +33,7 @@ from hopdata.reading import (
     landing_apart,
     not_guessed,
 )
-from hopdata.recording import Recording, marker_names, numbers
+from hopdata.recording import Recording, marker_names, numbers, place_of
 from hopdata.stages import LINE
 from hopdata.truth import Truth
 from hopdata.walk import Contents, Progress, Study
@@ -197,14 +203,14 @@ def _with_own_roles(recording: Recording, progress: Progress) -> Recording:
             raise not_guessed(recording, found.questions)
         if found.questions:
             questions = "; ".join(str(one) for one in found.questions)
-            values = {"place": recording.place, "questions": questions}
+            values = {"place": place_of(recording), "questions": questions}
             raise RecordingError(Message("landings.roles_not_sure", values))
         recording = found.recording
         for role in ("foot", "body"):
             progress(f"{role}: {', '.join(recording.names(role))}, guessed")
     for role, key in (("foot", "feet"), ("body", "body")):
         if not recording.indices(role):
-            values = {"place": recording.place, "role": key}
+            values = {"place": place_of(recording), "role": key}
             raise RecordingError(Message("landings.role_missing", values))
     return recording
 
@@ -356,14 +362,20 @@ def analyse(
 
 @told_options(section_names)
 def synthesize(
-    scene: str = "hopper", *, name: str = "simulated", seed: int = 0, **keys: Any
+    scene: object = "hopper",
+    *,
+    name: str = "simulated",
+    seed: int = 0,
+    **keys: Any,
 ) -> tuple[Recording, Truth]:
     """Simulate a motion-capture recording of a scene, and return it with its truth.
 
     Parameters
     ----------
-    scene : str
-        A scene of `hopdata.scenes`, such as ``"hopper"`` or ``"quadruped"``.
+    scene : str or Scene
+        A scene of `hopdata.scenes`, such as ``"hopper"`` or ``"quadruped"``; or one of
+        your own: an object, or ``"MODULE:CLASS"`` in a file of the working folder,
+        whose code is then run.
     name : str
         Name of the recording.
     seed : int
@@ -385,7 +397,9 @@ def synthesize(
     """
     options = keys.get("simulation") or {}
     if isinstance(options, Mapping):
-        options = {"scene": scene, **options}
+        scene_name, parameters = scene_said(scene)
+        block = {scene_name: parameters} if parameters else {}
+        options = {"scene": scene_name, **block, **options}
     keys["simulation"] = options
     # The simulation makes all markers, whatever names are given here.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from hopdata.config.loading import check_keys, section_names
 from hopdata.errors import ArgumentError, RecordingError, told_call, told_options
 from hopdata.messages import Message
-from hopdata.recording import Recording, feet_and_joined, marker_names
+from hopdata.recording import Recording, feet_and_joined, marker_names, place_of
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.guess import Guess
@@ -270,7 +270,7 @@ def guess(source: str | Path | Sequence[str | Path] | Recording) -> Recording:
 def not_guessed(recording: Recording, why: Sequence[Message]) -> RecordingError:
     """Return the error for roles that are not known, with the call that gives them."""
     reasons = "; ".join(str(one) for one in why)
-    values = {"place": recording.place, "why": reasons}
+    values = {"place": place_of(recording), "why": reasons}
     return RecordingError(Message("landings.roles_not_guessed", values))
 
 
@@ -279,7 +279,7 @@ def guess_of_recording(recording: Recording) -> RecordingGuess:
     from hopdata.landings.role_guesses import guessed_roles, open_questions
     from hopdata.recordings.quality.inspection import inspect
 
-    inspection = replace(inspect(recording), place=recording.place)
+    inspection = replace(inspect(recording), place=place_of(recording))
     roles = guessed_roles(inspection)
     with_roles = recording.with_roles(feet=roles.feet, body=roles.body, boom=roles.boom)
     # The markers stay in the order of the file, as for the commands.
@@ -288,7 +288,7 @@ def guess_of_recording(recording: Recording) -> RecordingGuess:
     for role in ("feet", "body"):
         names = ", ".join(getattr(roles, role))
         reason = roles.reasons.get(role)
-        values: Contents = {"place": recording.place, "role": role}
+        values: Contents = {"place": place_of(recording), "role": role}
         values["names"] = names or "none"
         if reason:
             values["reason"] = reason

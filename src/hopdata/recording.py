@@ -1,8 +1,10 @@
 """The `Recording`: marker positions over time, in SI units, with z up."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, Self
 
 import numpy as np
@@ -41,11 +43,13 @@ class Event:
 #: Unit: s. Origin: chosen.
 SLOWEST_S = 0.5
 
+#: Suffixes of the files of `Recording.save`.
+HDF5 = (".h5", ".hdf5")
 # "part" is another marker of the preceding foot.
 ROLES = ("body", "foot", "part", "boom", "other")
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Recording(Shown):
     """Motion capture of one trial.
 
@@ -201,8 +205,28 @@ class Recording(Shown):
             self._of_markers(list(role_of)), roles=(*role_of.values(),), joined=joined
         )
 
+    def __eq__(self, other: object) -> bool:
+        """Tell whether all is the same; positions that were not seen are alike."""
+        if not isinstance(other, Recording):
+            return NotImplemented
+        for one in fields(self):
+            mine = getattr(self, one.name)
+            yours = getattr(other, one.name)
+            if isinstance(mine, np.ndarray) and isinstance(yours, np.ndarray):
+                if not np.array_equal(mine, yours, equal_nan=mine.dtype != bool):
+                    return False
+            elif mine is not yours and mine != yours:
+                return False
+        return True
+
+    __hash__ = None  # type: ignore[assignment]  # arrays may be changed in place
+
     def __contains__(self, marker: object) -> bool:
         return marker in self.markers
+
+    def __iter__(self) -> Iterator[str]:
+        """Go through the names of the markers, as a table through its columns."""
+        return iter(self.markers)
 
     def __getitem__(self, key: str | Sequence[str] | slice) -> Any:
         """Return what the markers of these names did, or some of the frames.
@@ -402,7 +426,7 @@ class Recording(Shown):
     @told_call
     def plot(
         self,
-        markers: Sequence[str] | None = None,
+        markers: str | Sequence[str] | None = None,
         *,
         ax: Any = None,
         style: str | None = None,
@@ -411,7 +435,7 @@ class Recording(Shown):
 
         Parameters
         ----------
-        markers : sequence of str, optional
+        markers : str or sequence of str, optional
             By default the feet, and the body's mean; without roles all markers.
         ax : Axes or Figure, optional
             Where to draw; by default a figure of its own.
@@ -423,6 +447,8 @@ class Recording(Shown):
         Figure
             Or, with `ax`, what was drawn into.
         """
+        if isinstance(markers, str):
+            markers = [markers]
         shown = self if markers is None else self[list(markers)]
         heights = {
             name: shown.positions[:, number, 2]
@@ -506,24 +532,20 @@ class Recording(Shown):
         """Return the names of the markers with this role, in order."""
         return tuple(self.markers[i] for i in self.indices(role))
 
-    @property
-    def place(self) -> str:
-        """Origin of the recording, for messages."""
-        n_more_files = self.source_sha256.count(",")
-        if n_more_files:
-            first_file = self.source.partition(", ")[0]
-            return f"{first_file} and {n_more_files} more"
-        return self.source or f"recording '{self.name}'"
-
     def part(self, frames: slice) -> Self:
         """Return a recording of these frames only.
 
         The rate is that of the frames kept: half of it for every second frame.
         """
-        if not isinstance(frames, slice) or (frames.step or 1) < 0:
-            raise ArgumentError.at(
-                "frames", "a slice such as slice(0, 1000)", f"{frames!r}"
-            )
+        wanted = "a slice such as slice(0, 1000)"
+        if not isinstance(frames, slice):
+            raise ArgumentError.at("frames", wanted, f"{frames!r}")
+        ends = (frames.start, frames.stop, frames.step)
+        if not all(one is None or isinstance(one, int | np.integer) for one in ends):
+            found = f"{frames!r}; for a span of time take between(begin_s, end_s)"
+            raise ArgumentError.at("frames", f"{wanted}, in frames", found)
+        if (frames.step or 1) < 0:
+            raise ArgumentError.at("frames", wanted, f"{frames!r}")
         return replace(
             self,
             time=self.time[frames],
@@ -560,10 +582,48 @@ class Recording(Shown):
             stop = int(np.searchsorted(self.time, ends[1], "right"))
         if stop - start < 2:
             first, last = self.time[[0, -1]] if len(self.time) else (np.nan, np.nan)
-            wanted = f"two frames or more; those of {self.place} are at "
+            wanted = f"two frames or more; those of {place_of(self)} are at "
             wanted += f"{first:g} to {last:g} s"
             raise ArgumentError.at("begin_s, end_s", wanted, f"{begin_s} and {end_s}")
         return self.part(slice(start, stop))
+
+    @told_call
+    def save(self, file: str | Path) -> Path:
+        """Write the recording to an HDF5 file, which `hopdata.read` reads again.
+
+        Parameters
+        ----------
+        file : path
+            Ends in ``.h5``. It replaces a file of this name.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        ArgumentError
+            If the name ends otherwise.
+        """
+        if not isinstance(file, str | Path) or Path(file).suffix not in HDF5:
+            raise ArgumentError.at("file", "a name that ends in .h5", f"{str(file)!r}")
+        write = resolve_name("hopdata.recordings.readers.hdf5:write_recording")
+        Path(file).parent.mkdir(parents=True, exist_ok=True)
+        write(file, self)
+        return Path(file)
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return len(self.time)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first frame to the last, s."""
+        if not len(self.time):
+            return 0.0
+        return float(self.time[-1] - self.time[0])
 
     @cached_property
     def body(self) -> FloatArray:
@@ -593,6 +653,15 @@ class Recording(Shown):
         Gravity is the same at all sizes.
         """
         return float(np.sqrt(self.scale))
+
+
+def place_of(recording: Recording) -> str:
+    """Return the origin of a recording, for messages."""
+    n_more_files = recording.source_sha256.count(",")
+    if n_more_files:
+        first_file = recording.source.partition(", ")[0]
+        return f"{first_file} and {n_more_files} more"
+    return recording.source or f"recording '{recording.name}'"
 
 
 def feet_and_joined(
@@ -709,7 +778,7 @@ def require_distinct(recordings: Iterable[Recording]) -> None:
             here = f"file {number} of recording '{recording.name}'"
             if digest in known:
                 raise RecordingError.at(
-                    recording.place,
+                    place_of(recording),
                     "each file once",
                     f"the same bytes in {here} and in {known[digest]}: "
                     "their landings would count twice",

@@ -69,7 +69,12 @@ class SavedStudy(Study):
         if not file.is_file():
             found = "none; the study's own hd.study(...), or its workflow, makes it"
             raise AnalysisError.at(file, f"a saved study with {path}", found)
-        found = result.read(file)
+        try:
+            found = result.read(file)
+        except (KeyError, TypeError) as error:
+            wanted = "results as this hopdata writes them"
+            former = f"others ({error}), as before; run the study again"
+            raise AnalysisError.at(file, wanted, former) from None
         if isinstance(found, pd.DataFrame):
             _require_new_names(file, found)
         return found
@@ -302,8 +307,8 @@ def loaded_study(base: Path) -> SavedStudy:
             named += f" and {len(missing) - MOST_NAMED} more"
         wanted = f"{len(wanted_files)} files of results"
         raise AnalysisError.at(base, wanted, f"none named {named}; run it again")
-    # Both are read, so that a folder of an older hopdata is refused here.
-    _ = study.verdict, study.touchdowns
+    # They are read, so that a folder of an older hopdata is refused here.
+    _ = study.verdict, study.sections, study.touchdowns
     return study
 
 

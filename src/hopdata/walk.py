@@ -30,7 +30,7 @@ from hopdata.figures.catalogue import (
 )
 from hopdata.jobs import whole_file, write_json
 from hopdata.line import RECORDING, Stage
-from hopdata.recording import Recording
+from hopdata.recording import Recording, place_of
 from hopdata.recordings.readers import hdf5
 from hopdata.stages import LINE
 
@@ -52,14 +52,14 @@ class Study(Shown):
     ----------
     config
         The whole configuration, as `hopdata.config.load_config` returns it.
-    given
+    _given
         Plausible recordings to use instead of the configuration's files.
     progress
         Function that is called with the name of each stage as it begins.
     """
 
     config: Contents
-    given: tuple[Recording, ...] = ()
+    _given: tuple[Recording, ...] = ()
     progress: Progress = field(default=lambda _stage: None)
     #: What each stage that has run returned; by recording if it ran for each of them.
     _returned: dict[str, Any] = field(default_factory=dict, init=False)
@@ -109,7 +109,7 @@ class Study(Shown):
         return found
 
     def mode_schedules(self) -> stages.ModeSchedules:
-        """Label each touchdown with the order of its contacts; see `candidates`."""
+        """Label each touchdown with the order of its contacts."""
         found: stages.ModeSchedules = self._run("mode_schedules")
         return found
 
@@ -203,7 +203,7 @@ class Study(Shown):
 
     def _imported(self, name: str) -> stages.Imported:
         """Import a recording, unless it was given; simulate it if it has no file."""
-        for recording in self.given:
+        for recording in self._given:
             if recording.name == name:
                 self.progress(f"import_recording {name}")
                 return stages.Imported(recording)
@@ -260,12 +260,6 @@ class Study(Shown):
     def sections(self) -> Sections:
         """The two Poincare sections."""
         found: Sections = self._result("sections")
-        return found
-
-    @property
-    def candidates(self) -> pd.DataFrame:
-        """Touchdowns, including those that lack a state at one of the sections."""
-        found: pd.DataFrame = self._result("schedules")
         return found
 
     @property
@@ -340,11 +334,11 @@ class Study(Shown):
         Figure
             Or, with `ax`, what was drawn into.
         """
-        names = [*self.figures.names, *self.figures.of_packages]
+        names = [*self.figures.names, *self.figures._of_packages]
         require_choice("figure", figure, names)
         return getattr(self.figures, figure)(ax=ax, style=style)
 
-    def content(self, file: str) -> Any:
+    def _content(self, file: str) -> Any:
         """Return the content that the workflow's file of this path would have.
 
         Parameters
@@ -540,7 +534,7 @@ class Study(Shown):
     def _provenance(self) -> Contents:
         from hopdata.provenance import provenance
 
-        digests = {one.place: one.source_sha256 for one in self.imported}
+        digests = {place_of(one): one.source_sha256 for one in self.imported}
         return provenance(self.config, digests, [])
 
 
@@ -569,33 +563,33 @@ class Figures:
     `hopdata.figures.style.styled`.
     """
 
-    of: Study
+    _study: Study
 
     @property
     def names(self) -> dict[str, str]:
         """Names of the functions -> names of the figures in the workflow's results."""
         drawings = [*FIGURES["landings"], *FIGURES["maps"]]
-        if not self.of._asks_for_distances:
+        if not self._study._asks_for_distances:
             drawings.remove(OF_DISTANCES)
         return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
 
     @property
-    def of_packages(self) -> list[str]:
+    def _of_packages(self) -> list[str]:
         """Names of the figures that installed packages bring (docs/plugins.md)."""
         return sorted(of_packages())
 
     def __dir__(self) -> list[str]:
-        return sorted({*self.names, *self.of_packages, "names", "of_packages"})
+        return sorted({*self.names, *self._of_packages, "names"})
 
     def __repr__(self) -> str:
-        names = ", ".join([*self.names, *self.of_packages])
-        return f"<figures of study '{self.of.config['study']}': {names}>"
+        names = ", ".join([*self.names, *self._of_packages])
+        return f"<figures of study '{self._study.config['study']}': {names}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name in of_packages():
             return self._of_package(name)
         if name.startswith("_") or name not in self.names:
-            raise absent("study.figures", name, [*self.names, *self.of_packages])
+            raise absent("study.figures", name, [*self.names, *self._of_packages])
         full = self.names[name]
         draw = function_of(full)
 
@@ -603,7 +597,7 @@ class Figures:
         # that complete them, must not run a study.
         @wraps(draw.func)
         def drawn(*, ax: Any = None, style: str | None = None) -> Any:
-            contents = [self.of.content(file) for file in tables_of(full)]
+            contents = [self._study._content(file) for file in tables_of(full)]
             return draw(*contents, ax=ax, style=style)
 
         del drawn.__wrapped__  # its signature is that of `drawn`
@@ -617,7 +611,7 @@ class Figures:
 
         @styled
         def drawn() -> Any:
-            return drawn_by_package(entry, self.of.content)
+            return drawn_by_package(entry, self._study._content)
 
         drawn.__name__ = name
         return drawn

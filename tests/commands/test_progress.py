@@ -44,8 +44,8 @@ def test_a_stage_is_told_once_its_last_job_has_ended():
         if event is not None:
             progress.take(event)
     assert shown == [
-        (1, 3, "about 2.0 s left", ""),
-        (2, 3, "about 1.2 s left", "level (2 jobs) 4.0 s"),
+        (1, 3, "after 2.0 s", ""),
+        (2, 3, "after 4.0 s", "level (2 jobs) 4.0 s"),
         (3, 3, "after 5.0 s", "verdict 1.0 s"),
     ]
 
@@ -58,6 +58,26 @@ def test_before_the_first_job_it_is_told_once_what_may_take_long():
     for _ in range(2):
         progress.take({"event": "planned", "jobs": {"level": 2}})
     assert shown == [(0, 2, "compiles")]
+
+
+def test_the_time_left_is_told_once_a_job_without_compiling_has_ended():
+    """Of a group of 7 on two cores, the first two jobs wait until code is compiled."""
+    shown = []
+    progress = Progress(lambda *told: shown.append(told[2]))
+    progress.take({"event": "resources", "cores": 2})
+    progress.take({"event": "planned", "jobs": {"member": 7, "group": 1, "all": 1}})
+    begins_s = {1: 0, 2: 0, 3: 100, 4: 101, 5: 110, 6: 111, 7: 120}
+    ends_s = {1: 100, 2: 101, 3: 110, 4: 111, 5: 120, 6: 121, 7: 130}
+    steps = [(at_s, "begun", job) for job, at_s in begins_s.items()]
+    steps += [(at_s, "ended", job) for job, at_s in ends_s.items()]
+    for at_s, event, job in sorted(steps, key=lambda one: (one[0], one[1] == "begun")):
+        told = {"event": event, "job": job, "at_s": at_s}
+        progress.take(told | {"stage": "member", "makes_files": True})
+    assert shown[:2] == ["after 2 min", "after 2 min"]
+    # Four jobs of 10 s are left, one of which is nearly done.
+    assert shown[2] == "about 16 s left"
+    # In the end one job of a stage is left of which nothing is known.
+    assert shown[-1] == "after 2 min"
 
 
 def test_a_target_that_makes_nothing_is_no_stage():
@@ -110,5 +130,5 @@ def test_snakemake_itself_tells_stages_and_one_message(tmp_path):
     )
     assert ran.returncode == 1
     stage, message = ran.stderr.splitlines()
-    assert re.fullmatch(r"hopdata: a [\d.]+ s; 1 of 3 jobs done, about .* left", stage)
+    assert re.fullmatch(r"hopdata: a [\d.]+ s; 1 of 3 jobs done, after [\d.]+ s", stage)
     assert message == "hopdata: error: no feet"

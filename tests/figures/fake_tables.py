@@ -32,9 +32,9 @@ def frames(travel_m: float = 0.211, n: int = 4000, seed: int = 1) -> pd.DataFram
 def sections(travel_m: float = 0.211) -> dict[str, Any]:
     return {
         "rule": "landings",
-        "decided": {"pre_height_m": "data", "post_height_m": "data"},
-        "held": {"pre": 1.0, "post": 0.989},
-        "beside": {
+        "chosen_by": {"pre_height_m": "data", "post_height_m": "data"},
+        "landing_shares": {"pre": 1.0, "post": 0.989},
+        "other_rule": {
             "rule": "printed",
             "pre_height_m": 0.3 + 0.3 * travel_m,
             "post_height_m": 0.3 - 0.2 * travel_m,

@@ -76,7 +76,7 @@ def test_the_other_rule_is_dotted_and_named(drawn):
     for half, side in zip(figure.subfigs, ("pre", "post"), strict=True):
         wanted = [
             1000 * limits[f"{side}_height_m"],
-            1000 * limits["beside"][f"{side}_height_m"],
+            1000 * limits["other_rule"][f"{side}_height_m"],
         ]
         for axes in (half.axes[0], half.axes[2], half.axes[3]):
             upright = [
@@ -88,7 +88,7 @@ def test_the_other_rule_is_dotted_and_named(drawn):
     named = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "section by the printed rule" in named
     alone = sections_figure(
-        drawn[0], densities(drawn[0], limits), limits | {"beside": {}}
+        drawn[0], densities(drawn[0], limits), limits | {"other_rule": {}}
     )
     assert not any(
         "by the rule" in text.get_text() for text in alone.legends[0].get_texts()
@@ -102,8 +102,8 @@ def test_titles_count_landings_and_claim_nothing_about_frames(drawn):
     assert post.endswith("holds 98 % of landings"), "98.9 % are not 99"
     assert "down" not in pre + post
     curves = densities(table, limits)
-    few = limits | {"held": {"pre": 0.4, "post": None}}
-    few["decided"] = {"pre_height_m": "config", "post_height_m": "data"}
+    few = limits | {"landing_shares": {"pre": 0.4, "post": None}}
+    few["chosen_by"] = {"pre_height_m": "config", "post_height_m": "data"}
     pre, post = titles(sections_figure(table, curves, few))
     assert pre.endswith("mm (given), holds 40 % of landings")
     assert post.endswith(" mm")

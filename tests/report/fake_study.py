@@ -71,10 +71,10 @@ def sections() -> dict[str, object]:
         "post_height_m": 0.2883,
         "rule": "landings",
         "bandwidth_m": 0.0021,
-        "held": {"pre": 1.0, "post": 0.979},
+        "landing_shares": {"pre": 1.0, "post": 0.979},
         "pre_speed_m_s": 1.25,
         "post_speed_m_s": 1.43,
-        "leverage": {
+        "instant_shift_s_m": {
             "pre": {"usual": 0.8, "large": None},
             "post": {"usual": 0.699, "large": 0.813},
         },
@@ -85,7 +85,11 @@ def sections() -> dict[str, object]:
             "misfit": [0.0157, 0.0188, 0.0239],
             "n_landings": 300,
         },
-        "beside": {"rule": "printed", "pre_height_m": 0.5087, "post_height_m": 0.3075},
+        "other_rule": {
+            "rule": "printed",
+            "pre_height_m": 0.5087,
+            "post_height_m": 0.3075,
+        },
         "frames": "all",
         "min_foot_mode": {
             "height_m": -0.0002,

@@ -466,7 +466,7 @@ def test_the_caption_says_which_rule_chose_and_what_it_holds():
     for name, changed in (
         ("landings", {}),
         ("printed", {"rule": "printed"}),
-        ("given", {"decided": {"pre_height_m": "config", "post_height_m": "config"}}),
+        ("given", {"chosen_by": {"pre_height_m": "config", "post_height_m": "config"}}),
     ):
         inputs = full_study(sections=sections() | changed)
         caption = render_caption(template, study_facts(inputs), name="fig2_2")

@@ -288,10 +288,12 @@ def test_sections_begin_with_what_matters_and_keep_the_rest():
 
 def test_a_height_from_the_configuration_is_marked():
     decided = {"pre_height_m": "config", "post_height_m": "data"}
-    names = column(tables.sections_table(sections() | {"decided": decided}), "quantity")
+    names = column(
+        tables.sections_table(sections() | {"chosen_by": decided}), "quantity"
+    )
     assert "pre section (from the configuration)" in names
     assert "post section" in names
-    assert not any("decided" in name for name in names)
+    assert not any("chosen_by" in name for name in names)
 
 
 def test_prediction_keeps_the_printed_order_and_names_what_is_missing():

@@ -3,9 +3,11 @@ import pytest
 from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
+from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.messages import Message
 from hopdata.report.page import build_report
 from hopdata.report.verdict import (
+    SATURATES_BELOW,
     answer,
     contacts_told,
     meaning,
@@ -281,6 +283,17 @@ def test_what_holds_at_the_contact_stands_apart():
     # A reservation of another version has no template: the sentence is all there is.
     parts["reservation"] = {"code": "maps.of_another_version", "values": {}}
     assert answer(verdict(messages={"sentence": message})) == [verdict()["sentence"]]
+
+
+def test_a_small_p_value_without_saturation_is_explained():
+    effect = verdict()["effect"] | {"allowed": 0.1}
+    small = {"effect": effect, "saturates": False, "saturation_p_value": 0.0005}
+    told = [str(one) for one in reach(verdict(**small))]
+    assert any("p = 0.0005, and yet" in one and "10" in one for one in told)
+    assert SATURATES_BELOW == LEVEL
+    for other in ({"saturation_p_value": 0.02}, {"decided_by": "jump", "jump": effect}):
+        told = [str(one) for one in reach(verdict(**small | other))]
+        assert not any("and yet" in one for one in told)
 
 
 def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():

@@ -12,6 +12,7 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
 from hopdata.commands import answers, terminal
 from hopdata.errors import AnalysisError, RecordingError
+from hopdata.foreign.working_folder import say
 from hopdata.inspecting import listing
 from hopdata.messages import Message
 from hopdata.recordings.external import (
@@ -32,6 +33,8 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.config.consistency import files_of
     from hopdata.recording import require_distinct
 
+    if options.scene is not None:
+        say(options.scene)
     bring_bundled(Path(options.config))
     configs = _configs(options.config)
     first = configs[0]
@@ -144,25 +147,27 @@ def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str
     from hopdata.config.consistency import effect_methods
     from hopdata.landings.effects import Methods, study_effects
     from hopdata.landings.floor import moving
+    from hopdata.recording import place_of
     from hopdata.recordings.plausibility import notes
 
     effects = study_effects(recordings, Methods(**effect_methods(config)))
     remarks = []
     for recording, of_recording in zip(recordings, effects, strict=True):
         remarks += [str(note) for note in notes(recording)]
-        remarks += [f"{recording.place}: {effect}" for effect in of_recording]
+        remarks += [f"{place_of(recording)}: {effect}" for effect in of_recording]
         remarks += _suspects(recording, config["input"]["rate_hz"])
         floor_moves = moving(recording)
         if floor_moves:
-            remarks.append(f"{recording.place}: {floor_moves}")
+            remarks.append(f"{place_of(recording)}: {floor_moves}")
     return remarks
 
 
 def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
     """Return a line on suspect data of the study's markers; ask for a missing rate."""
+    from hopdata.recording import place_of
     from hopdata.recordings.quality.inspection import inspect
 
-    place = recording.place
+    place = place_of(recording)
     with terminal.progress_line(f"looking for faults in {place}"):
         found = inspect(recording)
     lines = []
@@ -268,7 +273,7 @@ def _contacts_instead(
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
     """Summarise the contents of a recording in a few lines."""
-    from hopdata.recording import body_over_feet, fraction_seen
+    from hopdata.recording import body_over_feet, fraction_seen, place_of
 
     n_frames = len(recording.time)
     duration_s = recording.time[-1] - recording.time[0]
@@ -277,7 +282,7 @@ def _summary(recording: Recording, config: dict[str, Any]) -> str:
     worst = int(seen.argmin())
     least = f"least {recording.markers[worst]}, {_percent(seen[worst])}"
     lines = [
-        f"{recording.name}: {recording.place}",
+        f"{recording.name}: {place_of(recording)}",
         f"  frames  {n_frames} at {recording.rate_hz:g} Hz, {duration_s:.1f} s",
     ]
     for role, names in config["markers"].items():

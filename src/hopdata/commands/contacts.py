@@ -128,7 +128,9 @@ def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
     if len(trials) != 1:
         return ()
     recording = trials[0].recording
-    return (*map(str, trials[0].files), recording.place, recording.name)
+    from hopdata.recording import place_of
+
+    return (*map(str, trials[0].files), place_of(recording), recording.name)
 
 
 def _spans(given: Sequence[float] | None) -> list[tuple[float, float]]:
@@ -288,6 +290,8 @@ def _is_of_maps(note: Message) -> bool:
 
 def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
     """Return notes in words, with one note for all of a kind."""
+    from hopdata.recording import place_of
+
     told = []
     several: dict[str, list[str]] = {}
     alone: dict[str, str] = {}
@@ -307,7 +311,7 @@ def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
         listed = ", ".join(shorts[:MOST_OF_A_KIND])
         if len(shorts) > MOST_OF_A_KIND:
             listed += f", ... {len(shorts) - MOST_OF_A_KIND} more"
-        values = {"place": recording.place, "listed": listed}
+        values = {"place": place_of(recording), "listed": listed}
         told.append(str(Message(kind, values)))
     return told
 

@@ -224,7 +224,7 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
     most_frames = math.inf if by_number else MOST_FRAMES
     parts, share = _parts(recordings, most_frames)
     study = Study(config, tuple(parts))
-    candidates = study.candidates
+    candidates = study.mode_schedules().schedules
     best = _best_sections(study)
     try:
         touchdowns = study.touchdowns
@@ -285,8 +285,8 @@ def _best_sections(study: Study) -> dict[str, float]:
     best: dict[str, float] = {}
     if sections.rule != "landings":
         return best
-    for side, share in sections.held.items():
-        is_chosen = sections.decided[f"{side}_height_m"] == "data"
+    for side, share in sections.landing_shares.items():
+        is_chosen = sections.chosen_by[f"{side}_height_m"] == "data"
         if is_chosen and share is not None:
             best[side] = share
     return best

@@ -25,6 +25,8 @@ from hopdata.errors import counted
 
 Event = Mapping[str, Any]
 SEPARATOR = "\x1e"
+#: The rule that asks for all files of a run, and makes none.
+TARGET = "all"
 
 
 def line_of(event: Event) -> str:
@@ -93,8 +95,11 @@ class Progress:
         #: When the first job of each stage began.
         self._stage_begun: dict[str, float] = {}
         self._ended: Counter[str] = Counter()
-        #: How long each finished job took, s.
-        self._took: list[float] = []
+        #: When the first job of each stage ended.
+        self._stage_ended: dict[str, float] = {}
+        #: How long the jobs of a stage took that began after that, s. Those before it
+        #: may have waited until code was compiled.
+        self._took: dict[str, list[float]] = {}
         self._without_files: set[str] = set()
         self._takers: dict[str, Callable[[Event], None]] = {
             "resources": self._take_resources,
@@ -136,7 +141,8 @@ class Progress:
         at_s = float(event["at_s"])
         self._n_done += 1
         self._ended[stage] += 1
-        self._took.append(at_s - begun_s)
+        if begun_s >= self._stage_ended.setdefault(stage, at_s):
+            self._took.setdefault(stage, []).append(at_s - begun_s)
         of = max(self._n_jobs, self._n_done)
         self._show(self._n_done, of, self._left(at_s), self._stage_told(stage, at_s))
         if self._tell_ended is not None:
@@ -152,12 +158,38 @@ class Progress:
         return f"{stage}{jobs} {took}"
 
     def _left(self, at_s: float) -> str:
-        n_left = self._n_jobs - self._n_done
-        if n_left > 0:
-            left_s = n_left * fmean(self._took) / self._cores
+        """Say how long the rest will take, if that is known; else how long it took."""
+        left_s = None
+        if self._n_done < self._n_jobs:
+            left_s = self._left_s(at_s)
+        if left_s is not None:
             return f"about {in_words(left_s)} left"
         assert self._start_s is not None  # a job has ended
         return f"after {in_words(at_s - self._start_s)}"
+
+    def _left_s(self, at_s: float) -> float | None:
+        """Return how long the jobs that are left will take, s; None if that is unknown.
+
+        It is known from jobs of the same stage, as in a group of studies. One job of
+        another stage may be left, the last one; in a study there are many.
+        """
+        left = {
+            stage: number - self._ended[stage]
+            for stage, number in self.planned.items()
+            if stage != TARGET and number > self._ended[stage]
+        }
+        unknown = sum(
+            number for stage, number in left.items() if stage not in self._took
+        )
+        if unknown > 1 or unknown == sum(left.values()):
+            return None
+        work_s = 0.0
+        for stage, took in self._took.items():
+            work_s += left.get(stage, 0) * fmean(took)
+        for stage, begun_s in self._begun.values():
+            if stage in self._took:
+                work_s -= min(at_s - begun_s, fmean(self._took[stage]))
+        return work_s / self._cores
 
 
 def plan_told(title: str, jobs: Mapping[str, int]) -> str:
@@ -165,7 +197,7 @@ def plan_told(title: str, jobs: Mapping[str, int]) -> str:
     lines = [
         f"  {stage:20} {counted(number, 'job')}"
         for stage, number in jobs.items()
-        if stage != "all"
+        if stage != TARGET
     ]
     first = "would run" if lines else "nothing to do"
     return "\n".join([f"{title}: {first}", *lines])

@@ -19,8 +19,10 @@ from hopdata.config.consistency import (
 from hopdata.config.schema import default_of, describe, dotted, load_schema
 from hopdata.errors import ConfigError
 from hopdata.foreign.texts import is_absent, text_of
+from hopdata.foreign.working_folder import is_own, say
 from hopdata.foreign.yaml_texts import loaded, root_node
 from hopdata.scenes import SCENES, STANDARD
+from hopdata.scenes.own import handed_over
 
 # Keys and indices that lead to a value.
 KeyPath = tuple[str | int, ...]
@@ -201,7 +203,13 @@ def load_config(
         wanted = "keys with values, as 'hopdata init' writes them"
         raise ConfigError.at(place, wanted, found)
     content = _with_simulated(content)
-    schema = load_schema(_scene_of(content))
+    scene = _scene_of(content)
+    try:
+        schema = load_schema(scene)
+    except ConfigError as error:
+        if is_own(scene):
+            _raise_all(place, origins, [str(line) for line in error.args])
+        raise
     try:
         printed = is_printed(content)
         config: dict[str, Any] = _with_defaults(content, schema, printed=printed)
@@ -247,9 +255,30 @@ def _scene_of(content: Mapping[str, Any]) -> str:
     if not isinstance(simulation, Mapping):
         return STANDARD
     name = simulation.get("scene", STANDARD)
-    if isinstance(name, str) and name in SCENES:
+    if isinstance(name, str) and (name in SCENES or is_own(name)):
         return name
     return STANDARD
+
+
+def scene_said(scene: object) -> tuple[str, dict[str, Any]]:
+    """Return the name of a scene that a program has given, and the keys of its block.
+
+    A name MODULE:CLASS counts as said: its code may run.
+
+    Parameters
+    ----------
+    scene : str or Scene
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither.
+    """
+    if not isinstance(scene, str):
+        return handed_over(scene, SCENES)
+    if is_own(scene):
+        say(scene)
+    return scene, {}
 
 
 def is_printed(content: Mapping[str, Any]) -> bool:

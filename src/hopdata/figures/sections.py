@@ -163,9 +163,9 @@ def _said(sections: Mapping[str, Any], side: _Side) -> str:
     if height is None:
         return "not found"
     said = f"{height:.0f} mm"
-    if sections.get("decided", {}).get(f"{side.section}_height_m") == "config":
+    if sections.get("chosen_by", {}).get(f"{side.section}_height_m") == "config":
         said += " (given)"
-    held = sections.get("held", {}).get(side.section)
+    held = sections.get("landing_shares", {}).get(side.section)
     if held is not None:
         said += f", holds {np.floor(100 * held):.0f} % of landings"
     return said
@@ -248,7 +248,7 @@ def _name_branches(
 def _section_lines(sections: Mapping[str, Any], side: _Side) -> list[float]:
     """Return the heights of a section by either rule, mm."""
     key = f"{side.section}_height_m"
-    heights = (_height(sections, key), _height(sections.get("beside", {}), key))
+    heights = (_height(sections, key), _height(sections.get("other_rule", {}), key))
     return [height for height in heights if height is not None]
 
 
@@ -306,7 +306,7 @@ def _draw_sections(
     each: Iterable[Axes], sections: Mapping[str, Any], side: _Side
 ) -> None:
     """Draw a section, that by the other rule, and the range between both sections."""
-    other = _height(sections.get("beside", {}), f"{side.section}_height_m")
+    other = _height(sections.get("other_rule", {}), f"{side.section}_height_m")
     own = _height(sections, f"{side.section}_height_m")
     pre = _height(sections, "pre_height_m")
     post = _height(sections, "post_height_m")
@@ -335,8 +335,8 @@ def _legend_handles(sections: Mapping[str, Any], landings: bool) -> list[Artist]
     handles.append(Line2D([], [], label="threshold, section", **DASHED))
     between: Any = {"facecolor": style.BETWEEN_SECTIONS, "alpha": 0.35, "linewidth": 0}
     handles.append(Patch(label="transition, pre to post", **between))
-    if _height(sections.get("beside", {}), "pre_height_m") is not None:
-        rule = sections["beside"]["rule"]
+    if _height(sections.get("other_rule", {}), "pre_height_m") is not None:
+        rule = sections["other_rule"]["rule"]
         label = RULES_IN_WORDS.get(rule, f"section by the rule {rule}")
         handles.append(Line2D([], [], label=label, **DOTTED))
     if landings:

@@ -14,7 +14,7 @@ from hopdata.inspecting.devices import Devices, devices_of, lines_of
 from hopdata.inspecting.guesses import inspected_file, with_effects
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Lines
-from hopdata.recording import Recording
+from hopdata.recording import Recording, place_of
 from hopdata.recordings.quality import inspection as quality
 
 
@@ -156,7 +156,7 @@ def inspect(
         if given:
             wanted = "none for a recording, which is in m, z up, at its own rate"
             raise ArgumentError.at(", ".join(given), wanted, of_file[given[0]])
-        found = replace(quality.inspect(source), place=source.place)
+        found = replace(quality.inspect(source), place=place_of(source))
         found = replace(found, remarks=source.remarks, events=source.events)
         beside = Devices(events=source.events)
         return InspectedRecording(source.name, with_effects(found), beside)

@@ -8,7 +8,7 @@ from typing import Any
 
 from hopdata.errors import AnalysisError, ArgumentError
 from hopdata.messages import Message
-from hopdata.recording import Recording
+from hopdata.recording import Recording, place_of
 from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
 from hopdata.recordings.wording import chained
 
@@ -81,13 +81,13 @@ def with_feet(
 
     if len(recording.time) < 2 or not recording.markers:
         found = f"{len(recording.time)} frames of {len(recording.markers)} markers"
-        raise AnalysisError.at(recording.place, "two frames or more", found)
-    inspection = replace(inspect(recording), place=recording.place)
+        raise AnalysisError.at(place_of(recording), "two frames or more", found)
+    inspection = replace(inspect(recording), place=place_of(recording))
     roles = guessed_roles(inspection)
     every, joined = every_foot(inspection, roles)
     if not every:
         why = "; ".join(str(problem) for problem in roles.problems)
-        values = {"place": recording.place, "why": why or "by names and motion"}
+        values = {"place": place_of(recording), "why": why or "by names and motion"}
         raise AnalysisError(Message("landings.no_feet_for_contacts", values))
     foot_of = {marker: foot for foot, own in joined.items() for marker in own}
     body = recording.names("body") or roles.body
@@ -99,7 +99,7 @@ def with_feet(
     with_roles = replace(with_roles, joined=groups)
     kept = [*with_roles.names("body"), *with_roles.names("foot")]
     names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in every))
-    values = {"place": recording.place, "role": "feet", "names": names}
+    values = {"place": place_of(recording), "role": "feet", "names": names}
     reason = _of_all_feet(roles.reasons.get("feet")) or ""
     remark = Message("landings.role_guessed", {**values, "reason": reason})
     return with_roles[kept], [remark]
@@ -125,7 +125,7 @@ def _with_body(recording: Recording) -> Recording:
 
     if len(recording.time) < 2:
         return recording
-    roles = guessed_roles(replace(inspect(recording), place=recording.place))
+    roles = guessed_roles(replace(inspect(recording), place=place_of(recording)))
     feet = recording.names("foot")
     body = [name for name in roles.body if name not in feet]
     if not body:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from sklearn.base import (
     BaseEstimator,
+    ClassNamePrefixFeaturesOutMixin,
     MultiOutputMixin,
     RegressorMixin,
     TransformerMixin,
@@ -128,7 +129,9 @@ class LandingMap(MultiOutputMixin, RegressorMixin, BaseEstimator):
         return map_terms(states, orders, self.orders_, curved=self.curved)
 
 
-class ConstraintSubspace(TransformerMixin, BaseEstimator):
+class ConstraintSubspace(
+    ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
+):
     """The subspace in which the landings of a contact order lie, by PCA.
 
     Parameters

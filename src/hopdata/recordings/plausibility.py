@@ -8,7 +8,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.messages import Message
-from hopdata.recording import Recording, body_over_feet, fraction_seen
+from hopdata.recording import Recording, body_over_feet, fraction_seen, place_of
 from hopdata.recordings.axes import FILE_AXES, along_file, opposite
 from hopdata.recordings.quality import softness
 from hopdata.recordings.quality.free_fall import FreeFall, free_fall
@@ -108,7 +108,7 @@ def check_markers(recording: Recording) -> None:
         names = recording.names(role)
         if len(names) < least:
             raise RecordingError.at(
-                f"{recording.place}: {what}",
+                f"{place_of(recording)}: {what}",
                 f"at least {least}",
                 f"{len(names)} ({', '.join(names) or 'none'})",
             )
@@ -116,7 +116,7 @@ def check_markers(recording: Recording) -> None:
 
 def check_time(recording: Recording) -> None:
     """Require a positive rate, and time stamps that increase and agree with it."""
-    place = recording.place
+    place = place_of(recording)
     time = recording.time
     rate_hz = recording.rate_hz
     if not (np.isfinite(rate_hz) and rate_hz > 0):
@@ -151,7 +151,7 @@ def check_order(place: str, time: FloatArray) -> None:
 
 def check_positions(recording: Recording) -> None:
     """Require each marker to be seen, to move, to be finite and to be no copy."""
-    place = recording.place
+    place = place_of(recording)
     is_infinite = np.isinf(recording.positions)
     if is_infinite.any():
         name = recording.markers[int(np.argwhere(is_infinite)[0, 1])]
@@ -184,7 +184,7 @@ def _check_no_copies(recording: Recording) -> None:
             both = ~np.isnan(frames[:, i] + frames[:, j])
             if both.any() and np.array_equal(frames[:, i][both], frames[:, j][both]):
                 raise RecordingError.at(
-                    f"{recording.place}: markers '{earlier}' and '{name}'",
+                    f"{place_of(recording)}: markers '{earlier}' and '{name}'",
                     "different positions",
                     "the same in every frame",
                 )
@@ -206,7 +206,7 @@ def check_scale(recording: Recording) -> None:
             remedy = _remedy(recording, slip)
             found = f"{size_m:.3g} m; the numbers look like {slip}: {remedy}"
     raise RecordingError.at(
-        f"{recording.place}: scale",
+        f"{place_of(recording)}: scale",
         f"the markers to span {SMALLEST_M:g} to {LARGEST_M:g} m",
         found,
     )
@@ -232,7 +232,7 @@ def check_upright(recording: Recording) -> None:
         f"{value:+.3g} m along {axis}" for axis, value in in_file.items()
     )
     raise RecordingError.at(
-        f"{recording.place}: vertical axis {recording.vertical_axis}",
+        f"{place_of(recording)}: vertical axis {recording.vertical_axis}",
         "the body above the feet",
         f"the body's mean at {offsets} from the feet; "
         f"{_advice_on_up(recording, offset, farthest)}",
@@ -312,7 +312,7 @@ def check_fall(recording: Recording) -> None:
         return
     found_m_s2 = 9.81 / units[fall.unit]
     raise RecordingError.at(
-        f"{recording.place}: scale",
+        f"{place_of(recording)}: scale",
         "markers to fall freely at 9.81 m/s²",
         f"{found_m_s2:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "
         f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}",
@@ -356,7 +356,7 @@ def check_rigid(
         found = f"{varies} the others' {length}, and '{odd}' coming down to the feet"
     most = f"{100 * bend.limit:g} % ({_key_of(bend)}) {where}"
     raise RecordingError.at(
-        f"{recording.place}: markers.body",
+        f"{place_of(recording)}: markers.body",
         f"distances that vary by at most {most}",
         f"{found}; is '{names[bend.odd]}' on the body?",
         key="markers.body",
@@ -395,7 +395,7 @@ def notes(recording: Recording) -> list[Message]:
     of_reader = [
         Message("recordings.as_read", {"text": remark}) for remark in recording.remarks
     ]
-    place = recording.place
+    place = place_of(recording)
     of_data = [
         Message("recordings.at", {"place": place, "remark": remark}) for remark in found
     ]

@@ -161,9 +161,9 @@ def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
         travel_m = pre_m - post_m
     lowest_m = sections.get("min_foot_threshold_m")
     highest_m = sections.get("max_foot_threshold_m")
-    decided = sections.get("decided") or {}
-    held = sections.get("held") or {}
-    beside = sections.get("beside") or {}
+    decided = sections.get("chosen_by") or {}
+    held = sections.get("landing_shares") or {}
+    beside = sections.get("other_rule") or {}
     return {
         "pre": _shown(pre_m, 1e3, "mm"),
         "post": _shown(post_m, 1e3, "mm"),

@@ -121,7 +121,7 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     """Return thresholds, sections and the travel between them, then all else."""
     if not sections:
         return None
-    decided = sections.get("decided") or {}
+    decided = sections.get("chosen_by") or {}
     rows = []
     for key, name in SECTION_NAMES.items():
         decided_by = show.WORDS["decided"].get(decided.get(key, "data"), "")
@@ -132,8 +132,8 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     if pre_m is not None and post_m is not None:
         travel = show.fixed((pre_m - post_m) * 1e3, 2)
         rows.append(("travel from pre to post", travel, "mm"))
-    rows += _leverage_rows(sections.get("leverage") or {})
-    said = (*SECTION_NAMES, "decided", "leverage")
+    rows += _leverage_rows(sections.get("instant_shift_s_m") or {})
+    said = (*SECTION_NAMES, "chosen_by", "instant_shift_s_m")
     others = {key: value for key, value in sections.items() if key not in said}
     for key, value in show.flat(others):
         if value == []:

@@ -32,6 +32,10 @@ REACH = ("margin", "holds_from", "contact_spread")
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
+#: A difference may saturate if the p-value of that is below this.
+#: Unit: 1. Origin: chosen: that of the verdict (`hopdata.maps.verdict.saturation`).
+SATURATES_BELOW = 0.01
+
 #: Size below which a true difference is none.
 #: Unit: 1. Origin: chosen: far above rounding, and far below what a study can find.
 NO_DIFFERENCE = 1e-9
@@ -69,7 +73,20 @@ def reach(verdict: Verdict | None) -> list[Message]:
     if facts["holds_from"]:
         values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
+    said += _not_saturating(verdict or {}, facts)
     return said
+
+
+def _not_saturating(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]:
+    """Say why a difference does not saturate although the p-value is small."""
+    p_value = verdict.get("saturation_p_value")
+    is_small = p_value is not None and p_value < SATURATES_BELOW
+    if not is_small or verdict.get("saturates") or facts["jumps"]:
+        return []
+    if not facts["allowed"]:
+        return []
+    values = {"p": show.significant(p_value, 2), "allowed": facts["allowed"]}
+    return [Message("report.not_saturating", values)]
 
 
 def what_now(verdict: Verdict | None) -> list[Message | str]:
@@ -209,8 +226,9 @@ def verdict_facts(
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
         and ``contact_spread``, how far apart the contacts are, in ms; ``compared``,
-        what was compared; ``landings``, how many it is of, and ``left_out``, how many
-        are like none of these; ``foretold``, the share of their order that is;
+        what was compared; ``landings``, how many were judged, ``fitted``, how many of
+        these were fitted, and ``left_out``, how many are like none of these;
+        ``foretold``, the share of their order that is;
         ``mainly``, what differs most; ``needed``, the landings with which ``asked``
         could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
         are lettered.
@@ -270,6 +288,7 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
     facts: dict[str, str | None] = {
         "compared": verdict.get("compared") or None,
         "landings": None,
+        "fitted": None,
         "left_out": None,
         "foretold": None,
         "mainly": verdict.get("mainly") or None,
@@ -278,6 +297,7 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
     }
     if verdict.get("n_landings") is not None:
         facts["landings"] = show.count(verdict["n_landings"])
+        facts["fitted"] = show.count(verdict.get("n_window"))
     if left_out:
         facts["left_out"] = show.count(len(left_out))
     if verdict.get("foretold") is not None:

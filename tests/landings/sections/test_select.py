@@ -16,7 +16,7 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.frames import descents, landing_frames
 from hopdata.landings.sections.select import (
     Sections,
-    leverage,
+    instant_shift,
     section_densities,
     section_frames,
     select_sections,
@@ -230,10 +230,10 @@ def test_sample_within_2_mm_of_its_truth(sample):
     assert abs(entries["section_pre_error"]["value"]) < 2
     assert abs(entries["section_post_error"]["value"]) < 2
     assert found["pre_height_m"] - found["post_height_m"] > 0.140
-    assert found["held"]["pre"] == 1.0
-    assert 0.975 < found["held"]["post"] < 0.99
-    assert found["beside"]["rule"] == "printed"
-    assert found["beside"]["post_height_m"] > found["post_height_m"] + 0.01
+    assert found["landing_shares"]["pre"] == 1.0
+    assert 0.975 < found["landing_shares"]["post"] < 0.99
+    assert found["other_rule"]["rule"] == "printed"
+    assert found["other_rule"]["post_height_m"] > found["post_height_m"] + 0.01
 
 
 def test_a_bare_threshold_would_miss_by_centimetres(sample):
@@ -346,7 +346,7 @@ def test_thresholds_are_the_knees_of_the_ground_modes(select):
     assert found.max_foot_threshold_m == found.max_foot_mode.knee(4.0)
     assert found.min_foot_mode.height_m < found.ground_m < found.max_foot_mode.height_m
     assert found.ground_m == pytest.approx(0.0, abs=1e-4)
-    assert {found.decided[f"{foot}_foot_threshold_m"] for foot in ("min", "max")} == {
+    assert {found.chosen_by[f"{foot}_foot_threshold_m"] for foot in ("min", "max")} == {
         "data"
     }
 
@@ -355,22 +355,28 @@ def test_what_a_given_section_holds_is_counted():
     fake = hopper(np.random.default_rng(4), hops=150, extension_m=0.0, tilt_rad=0.06)
     kept = select_sections([fake.recording], pre_height_m=0.7, post_height_m=0.35)
     assert (kept.pre_height_m, kept.post_height_m) == (0.7, 0.35)
-    assert kept.held["pre"] < 0.1  # few hop that high
+    assert kept.landing_shares["pre"] < 0.1  # few hop that high
     assert kept.bandwidth_m is None
     chosen = select_sections([fake.recording])
-    assert chosen.held["post"] >= 0.98
+    assert chosen.landing_shares["post"] >= 0.98
     assert chosen.post_speed_m_s > 0.5
     for side in ("pre", "post"):
-        assert 0 < chosen.leverage[side]["usual"] < chosen.leverage[side]["large"]
-    assert chosen.leverage["post"]["usual"] == pytest.approx(1 / chosen.post_speed_m_s)
+        assert (
+            0
+            < chosen.instant_shift_s_m[side]["usual"]
+            < chosen.instant_shift_s_m[side]["large"]
+        )
+    assert chosen.instant_shift_s_m["post"]["usual"] == pytest.approx(
+        1 / chosen.post_speed_m_s
+    )
     loose = select_sections([fake.recording], max_foot_threshold_m=0.03)
     assert loose.post_height_m == chosen.post_height_m, "thresholds are for the figure"
 
 
 def test_where_the_body_does_not_fall_it_has_no_leverage():
-    assert leverage(np.empty(0)) == {"usual": None, "large": None}
+    assert instant_shift(np.empty(0)) == {"usual": None, "large": None}
     some_rise = np.array([-0.1] * 3 + [0.5] * 17)
-    assert leverage(some_rise) == {"usual": 2.0, "large": None}
+    assert instant_shift(some_rise) == {"usual": 2.0, "large": None}
 
 
 def test_a_section_that_is_given_is_no_choice_of_depth(fake, select):
@@ -404,8 +410,8 @@ def test_each_height_can_be_given(select, name, value):
     free = select()
     found = select(**{name: value})
     assert getattr(found, name) == value
-    assert [k for k, how in found.decided.items() if how == "config"] == [name]
-    others = [k for k in found.decided if k != name and not k.endswith("height_m")]
+    assert [k for k, how in found.chosen_by.items() if how == "config"] == [name]
+    others = [k for k in found.chosen_by if k != name and not k.endswith("height_m")]
     for other in others:
         assert getattr(found, other) == getattr(free, other)
 

@@ -72,7 +72,7 @@ def sections(pre, post, *, rule="printed", frames="all", decided="data"):
         "rule": rule,
         "bandwidth_m": 0.001,
         "frames": frames,
-        "decided": {"pre_height_m": decided, "post_height_m": decided},
+        "chosen_by": {"pre_height_m": decided, "post_height_m": decided},
     }
 
 

@@ -224,7 +224,7 @@ def test_what_could_have_been_seen_is_said():
         0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
     )
     said = str(outlook(size, 2_312, 1_617, 0.8))
-    assert "shows as 15 % would be found in 80 %" in said
+    assert "difference of 15 % would be found in 80 %" in said
     assert "you would need about 2,300 landings" in said
     assert "cannot be seen with any number" in str(outlook(size, None, 1_617, 0.8))
     none = replace(size, detectable=1.2)
@@ -464,7 +464,7 @@ def test_mistakes_are_left_out_and_told():
     data = landings()
     clean = verdict(data)
     assert not clean.notes
-    data.after[[3, 500], -1] += 50.0
+    data.after[[2, 499], -1] += 50.0
     answer = verdict(data)
     note = answer.notes[-1]
     assert note["what"] == "landings left out as far off"
@@ -477,7 +477,7 @@ def test_mistakes_are_left_out_and_told():
 def test_rows_of_mistakes_are_those_of_the_arrays_given():
     data = landings()
     data.instants[10, 0] = np.nan
-    data.after[[3, 500], -1] += 50.0
+    data.after[[2, 499], -1] += 50.0
     answer = verdict(data)
     assert answer.gross_errors == {"markers_apart": [3, 500]}
     assert [note["code"] for note in answer.notes] == [

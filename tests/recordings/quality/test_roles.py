@@ -167,6 +167,17 @@ def test_where_all_stand_still_no_marker_is_a_boom():
     assert found.boom == ()
 
 
+def test_a_foot_that_stands_throughout_is_a_foot_and_no_boom():
+    swaying = jumping(4)[:60].copy()
+    names = STYLES["opensim"]
+    foot = [*names].index("R.Toe.Tip")
+    swaying += 0.3 * np.linspace(0.0, 1.0, 60)[:, None, None] * [1.0, 0.0, 0.0]
+    swaying[:, foot] = swaying[0, foot]
+    found = roles(swaying, names)
+    assert "R.Toe.Tip" in found.feet
+    assert "R.Toe.Tip" not in found.boom
+
+
 def test_feet_that_never_land_are_taken_by_name_or_asked_for():
     standing = jumping(4)[:60]
     found = roles(standing, STYLES["opensim"])

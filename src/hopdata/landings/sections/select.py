@@ -94,15 +94,15 @@ class Sections(Shown):
         Deviations from a mode to its upper knee, with the rule ``"landings"``.
     frames : {"all", "landings"}
         Frames whose body heights are pooled.
-    decided : dict
+    chosen_by : dict
         ``"data"`` or ``"config"`` for each of the four heights above.
-    held : dict
+    landing_shares : dict
         Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section
         hold; None if there are no landings.
     pre_speed_m_s, post_speed_m_s : float or None
         Median speed of the fall as a landing passes the section, m/s. An error in
         height shifts the instant of the passage by that error over this speed.
-    leverage : dict
+    instant_shift_s_m : dict
         For the ``"pre"`` and the ``"post"`` section, how much an error in height shifts
         the instant of the passage, s/m: ``usual``, the median over the landings, and
         ``large``, their 95 % quantile. None where the body hardly falls, and without
@@ -117,7 +117,7 @@ class Sections(Shown):
         Number of frames in which all feet and the body are seen.
     n_used : int
         Number of these frames that are pooled.
-    beside : dict
+    other_rule : dict
         The same recordings by the other rule: ``rule``, ``pre_height_m`` and
         ``post_height_m``; if it has no heights, ``note`` says why. Empty if it was not
         asked for.
@@ -134,16 +134,16 @@ class Sections(Shown):
     bandwidth_m: float | None
     threshold_sigmas: float
     frames: str
-    decided: dict[str, str]
-    held: dict[str, float | None]
+    chosen_by: dict[str, str]
+    landing_shares: dict[str, float | None]
     pre_speed_m_s: float | None
     post_speed_m_s: float | None
-    leverage: dict[str, dict[str, float | None]]
+    instant_shift_s_m: dict[str, dict[str, float | None]]
     depth: dict[str, Any]
     n_landings: int
     n_frames: int
     n_used: int
-    beside: dict[str, Any]
+    other_rule: dict[str, Any]
 
     def pooled(self, heights: Sequence[Heights]) -> Frames:
         """Pool the frames whose body heights count, each with its state."""
@@ -269,16 +269,16 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
         bandwidth_m=bandwidth_m,
         threshold_sigmas=threshold_sigmas,
         frames=frames,
-        decided=decided,
-        held={},
+        chosen_by=decided,
+        landing_shares={},
         pre_speed_m_s=None,
         post_speed_m_s=None,
-        leverage={},
+        instant_shift_s_m={},
         depth={},
         n_landings=len(of_landings),
         n_frames=sum(int(h.seen.sum()) for h in heights),
         n_used=0,
-        beside={},
+        other_rule={},
     )
     material = _Material(
         recordings, tables, heights, of_landings, scale, depth_share, states
@@ -295,18 +295,21 @@ def select_sections(  # noqa: PLR0913 (the data, and the options of the rules)
             "sections", "the pre section above the post section", found
         )
     if compare:
-        sections = replace(sections, beside=_beside(start, material))
+        sections = replace(sections, other_rule=_beside(start, material))
     pre_speed_m_s = _fall_speeds(sections.pre_height_m, material)
     post_speed_m_s = _fall_speeds(sections.post_height_m, material)
     return replace(
         sections,
-        held={
+        landing_shares={
             "pre": _share_held(sections.pre_height_m, of_landings, "pre"),
             "post": _share_held(sections.post_height_m, of_landings, "post"),
         },
         pre_speed_m_s=_usual(pre_speed_m_s),
         post_speed_m_s=_usual(post_speed_m_s),
-        leverage={"pre": leverage(pre_speed_m_s), "post": leverage(post_speed_m_s)},
+        instant_shift_s_m={
+            "pre": instant_shift(pre_speed_m_s),
+            "post": instant_shift(post_speed_m_s),
+        },
     )
 
 
@@ -336,11 +339,11 @@ def _by_landings(sections: Sections, material: _Material) -> Sections:
     )
     frames = sections.pooled(material.heights)
     sections = replace(sections, n_used=len(frames.body))
-    if sections.decided["min_foot_threshold_m"] == "config":
+    if sections.chosen_by["min_foot_threshold_m"] == "config":
         _require_both(
             "min_foot_threshold_m", sections.min_foot_threshold_m, "up", frames.all_up
         )
-    if sections.decided["max_foot_threshold_m"] == "config":
+    if sections.chosen_by["max_foot_threshold_m"] == "config":
         _require_both(
             "max_foot_threshold_m",
             sections.max_foot_threshold_m,
@@ -354,7 +357,7 @@ def _by_landings(sections: Sections, material: _Material) -> Sections:
     held = heights_from_landings(material.of_landings, sections.bandwidth_m)
     sections = replace(sections, bandwidth_m=held.bandwidth_m)
     sections = _filled(sections, pre_height_m=held.pre_m)
-    if sections.decided["post_height_m"] == "config":
+    if sections.chosen_by["post_height_m"] == "config":
         return sections
     if material.depth_share is None:
         depth = choose_depth(
@@ -415,7 +418,7 @@ def _filled(sections: Sections, **values_m: float) -> Sections:
 
 def _both_given(sections: Sections) -> bool:
     """Tell whether both heights come from the configuration."""
-    decided = sections.decided
+    decided = sections.chosen_by
     return decided["pre_height_m"] == decided["post_height_m"] == "config"
 
 
@@ -426,9 +429,9 @@ def _beside(start: Sections, material: _Material) -> dict[str, Any]:
     free = replace(
         start, rule=other, pre_height_m=np.nan, post_height_m=np.nan, bandwidth_m=None
     )
-    decided = start.decided | {"pre_height_m": "data", "post_height_m": "data"}
+    decided = start.chosen_by | {"pre_height_m": "data", "post_height_m": "data"}
     try:
-        found = RULES[other](replace(free, decided=decided), material)
+        found = RULES[other](replace(free, chosen_by=decided), material)
     except AnalysisError as error:
         return {
             "rule": other,
@@ -461,7 +464,7 @@ def _usual(speeds_m_s: FloatArray) -> float | None:
     return float(np.median(speeds_m_s))
 
 
-def leverage(speeds_m_s: FloatArray) -> dict[str, float | None]:
+def instant_shift(speeds_m_s: FloatArray) -> dict[str, float | None]:
     """Return how much an error in height shifts the instant of a passage, s/m.
 
     Parameters

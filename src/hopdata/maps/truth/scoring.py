@@ -164,7 +164,7 @@ def score_sections(
     for name, height_m in {"pre": pre_m, "post": post_m}.items():
         told = f"{name} section, {what}"
         entries[f"section_{name}_true"] = entry(height_m, "m", told)
-        if sections["decided"][f"{name}_height_m"] == "data":
+        if sections["chosen_by"][f"{name}_height_m"] == "data":
             error = 1e3 * (sections[f"{name}_height_m"] - height_m)
             told = f"{name} section found minus that of the {what}"
             entries[f"section_{name}_error"] = entry(error, "mm", told)

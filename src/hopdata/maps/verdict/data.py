@@ -53,7 +53,8 @@ class Measured:
         )
         left_out = {}
         for reason, some in found.left_out.items():
-            left_out[reason] = known[some].tolist()
+            # As in a table, they count from 1.
+            left_out[reason] = (known[some] + 1).tolist()
         return rows.Sound(found.landings, left_out)
 
     def landings(self, known: IntArray) -> inputs.SectionLandings:

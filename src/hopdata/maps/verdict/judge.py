@@ -126,7 +126,7 @@ class Verdict(Shown):
     mainly
         Which orders differ most, in words; empty if no pair was found.
     gross_errors
-        Rows of the landings that were left out as far off, by reason: see
+        Rows, from 1, of the landings that were left out as far off, by reason: see
         `hopdata.maps.verdict.rows`.
     so_far
         Where no size could be computed: ``orders``, each contact order that occurs with
