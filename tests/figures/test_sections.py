@@ -86,7 +86,7 @@ def test_the_other_rule_is_dotted_and_named(drawn):
             ]
             assert sorted(upright) == pytest.approx(sorted(wanted))
     named = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert "section by the rule printed" in named
+    assert "section by the printed rule" in named
     alone = sections_figure(
         drawn[0], densities(drawn[0], limits), limits | {"other_rule": {}}
     )

@@ -96,6 +96,7 @@ def test_every_sentence_is_used_and_has_plain_fields(room):
     folder = messages.PACKAGE / room
     sources = [*folder.rglob("*.py"), *folder.rglob("*.j2")]
     sources += messages.PACKAGE.joinpath("commands").glob("*.py")
+    sources += messages.PACKAGE.glob("*.py")
     text = "\n".join(Path(path).read_text("utf-8") for path in sources)
     templates = tomllib.loads((folder / "messages.toml").read_text("utf-8"))
     for name, template in templates.items():

@@ -127,7 +127,7 @@ def test_every_table_is_there(full):
         "Can these data be trusted?",
         "Faults of the recordings",
         "Remarks on the recordings",
-        "Descents that are not used",
+        "Why descents are not used",
         "Every landing that is not used",
         "Recordings",
         "Floor",

@@ -87,8 +87,14 @@ def matrices_figure(
     if not any(np.isfinite(matrix).any() for matrix in differences.values()):
         differences = {}  # noise alone explains all of them: the caption says so
     landings = f"{details['n_landings']:,} landings"
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 82.0)
-    panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
+    n_panels = len(maps) + len(differences)
+    width_mm = style.DOUBLE_COLUMN_MM
+    if (
+        n_panels == 2
+    ):  # they share a bar of colours, so a narrow page keeps them together
+        width_mm = style.WIDEST_PANEL_MM
+    figure = style.paper_figure(width_mm, 82.0)
+    panels = figure.subplots(1, n_panels, sharey=True)
     groups = (
         (panels[: len(maps)], maps, f"maps (mm per sd of the input), {landings}"),
         (panels[len(maps) :], differences, "differences\n(mm per sd of the input)"),

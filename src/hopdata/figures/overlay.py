@@ -25,8 +25,8 @@ ALL = "all"
 
 # Height in mm, panels (errors, shares, heights, force), and heights of their rows.
 Panels = tuple[float, str, tuple[float, ...]]
-WITH_FORCE: Panels = (118.0, "es;hh;ff", (1.5, 1, 0.8))
-WITHOUT_FORCE: Panels = (92.0, "es;hh", (1.5, 1))
+WITH_FORCE: Panels = (100.0, "es;hf", (1.2, 1))
+WITHOUT_FORCE: Panels = (100.0, "es;h.", (1.2, 1))
 
 
 @style.styled
@@ -65,7 +65,7 @@ def contact_overlay_figure(
         height_mm, mosaic, height_ratios = WITHOUT_FORCE
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
     panels = figure.subplot_mosaic(
-        mosaic, width_ratios=(2.6, 1), height_ratios=height_ratios
+        mosaic, width_ratios=(1.6, 1), height_ratios=height_ratios
     )
     looks = _looks_of_columns(contacts, _feet_of(example))
     _draw_errors(panels["e"], contacts, looks)
@@ -218,15 +218,14 @@ def _draw_example(
             label=style.label_of(foot),
         )
     height.set_ylabel("foot height (mm)")
-    lowest = panels.get("f", height)
-    lowest.set_xlabel("time after the first external contact (ms)")
-    for axes in dict.fromkeys([height, lowest]):
-        _draw_instants(axes, example, places)
-    if lowest is not height:
-        _draw_force(lowest, example, looks)
-        lowest.sharex(height)
-        height.tick_params(labelbottom=False)
-    height.legend(loc="upper right", ncols=2)
+    _draw_instants(height, example, places)
+    height.set_xlabel("time after the first external contact (ms)")
+    if "f" in panels:
+        _draw_instants(panels["f"], example, places)
+        _draw_force(panels["f"], example, looks)
+        panels["f"].sharex(height)
+        panels["f"].set_xlabel("time after the first external contact (ms)")
+    height.legend(loc="best")
 
 
 def _draw_instants(

@@ -54,6 +54,11 @@ SIDES = (
     _Side("a", "pre", "min_foot", "up", "down", "first_contact", "top"),
     _Side("b", "post", "max_foot", "down", "up", "last_contact", "lowest"),
 )
+# The section by the rule beside the chosen one.
+RULES_IN_WORDS = {
+    "printed": "section by the printed rule",
+    "landings": "section chosen from landings",
+}
 
 
 @style.styled
@@ -332,7 +337,8 @@ def _legend_handles(sections: Mapping[str, Any], landings: bool) -> list[Artist]
     handles.append(Patch(label="transition, pre to post", **between))
     if _height(sections.get("other_rule", {}), "pre_height_m") is not None:
         rule = sections["other_rule"]["rule"]
-        handles.append(Line2D([], [], label=f"section by the rule {rule}", **DOTTED))
+        label = RULES_IN_WORDS.get(rule, f"section by the rule {rule}")
+        handles.append(Line2D([], [], label=label, **DOTTED))
     if landings:
         curves = ((style.INK, "contact"), (style.GREY, "turn"))
         for colour, name in curves:

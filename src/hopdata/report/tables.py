@@ -216,7 +216,7 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         in_each = [show.count((part == name).sum()) for name in columns]
         rows.append((reason, *in_each, show.count(len(part))))
     head = ("reason", *columns, "descents")
-    return show.Table("Descents that are not used", head, tuple(rows))
+    return show.Table("Why descents are not used", head, tuple(rows))
 
 
 def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
