@@ -20,6 +20,7 @@ BENCHMARK_TABLES = {
     "gradients": ["gradients.csv"],
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
+    "derivative_error": ["derivative_error.csv"],
     "known_instants": ["known_instants.csv"],
     "sliding": ["sliding.csv"],
     "contact_instants": ["contact_instants.csv"],

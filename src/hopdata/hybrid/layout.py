@@ -43,7 +43,8 @@ STRUCTURE = P1 + LARGEST_DEGREE
 W1 = STRUCTURE + 1
 
 # Rows of the tangent's table, each as long as the state: the flow's Jacobian (n rows),
-# two blocks of n rows for the method, the single rows below, and the method's own rows.
+# two blocks of n rows for the method, the single rows below, n rows from PHI_GROWN on,
+# and the method's own rows.
 PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
 # PHI_MOTION begins with the square of the fastest motion by which the method judged its
 # error. RATE_INPUTS is 1 where the guards' rates may depend on that component of the
@@ -60,6 +61,9 @@ GRADIENT = 15
 # sizes by which this step is judged. PHI_ROUGH begins with the error of a step over
 # which the field's derivative is not smooth, in tolerances, 0 if it is.
 PHI_LARGEST, PHI_STEP_ERROR, PHI_ERROR, PHI_SIZE, PHI_ROUGH = numbers(5, 16)
+# From this row on, in the row of each column, the sum of its errors, each relative to
+# the size that every column had then: how these grow later is how the errors may grow.
+PHI_GROWN = 21
 PHI_ROWS = 21
 # Gauss nodes of the short tangent.
 GAUSS_1 = 0.5 - 3.0**0.5 / 6.0

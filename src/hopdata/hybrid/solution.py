@@ -305,10 +305,10 @@ class Solution(Told):
     sensitivity : (n, p) array, optional
         Derivative of `y_end` with respect to the parameters, if requested.
     jacobian_error : float, optional
-        Estimated error of `jacobian` and `sensitivity`: the sum over all steps of the
-        largest error of a column, in the column's own size, if a Jacobian was
-        requested. How later motion makes an error grow is not counted, nor how errors
-        of the state change the derivative.
+        Estimated error of `jacobian` and `sensitivity`, if a Jacobian was requested:
+        the largest sum of a column's errors over all steps, in the column's own size.
+        Each has grown since as the column of the state that grew most. How errors of
+        the state change the derivative is not counted.
     surfaces_at_start : tuple of str
         Guards on whose surfaces the start lies, and whose crossing moves the state or
         bends its path, so that no derivative exists there; looked for only if a

@@ -517,8 +517,7 @@ class Workspace:
         if self.tangent is not None:
             shown = self._n_shown
             fields["jacobian"] = self.tangent[:shown, :shown].copy()
-            errors = self.tangent[3 * self._n_states + layout.PHI_ERROR]
-            fields["jacobian_error"] = float(errors.max())
+            fields["jacobian_error"] = grown_error(self.tangent)
             if shown < self._n_states:
                 fields["sensitivity"] = self.tangent[:shown, shown:].copy()
             assert self._along is not None
@@ -595,3 +594,21 @@ class Pool(list[Workspace]):
 
     def __reduce__(self) -> tuple[type[Pool], tuple[()]]:
         return Pool, ()
+
+
+def grown_error(tangent: FloatArray) -> float:
+    """Return the largest error of a column of the Jacobian, in the column's size.
+
+    The errors of all steps have grown since as that column of the state has that grew
+    most: an error need not lie along its own column.
+    """
+    n = tangent.shape[1]
+    singles = 3 * n
+    sizes = tangent[singles + layout.PHI_SIZE]
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        columns = (np.abs(tangent[:n]) / sizes[:, None]).max(axis=0)
+        grown = tangent[singles + layout.PHI_GROWN :][:n] * columns
+        relative = grown.max(axis=1) / columns
+    own = tangent[singles + layout.PHI_ERROR]
+    found = np.where(columns > 0.0, relative, 0.0)
+    return float(np.fmax(found, own).max())

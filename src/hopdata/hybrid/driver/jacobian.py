@@ -189,6 +189,30 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
     return error
 
 
+@kernel
+def add_errors(p: Problem, m: Memory) -> None:
+    """Add the errors of this step's columns, relative to the sizes of all columns.
+
+    The columns of parameters are left out: they begin as none, so that their growth is
+    not that of a deviation of the state.
+    """
+    phi = p.tangent
+    n = m.states.width
+    first = single(m, at.PHI_GROWN)
+    sizes = single(m, at.COLUMN)
+    for k in range(n):
+        phi[sizes, k] = differences.size_of_column(phi, n, k)
+    for j in range(n):
+        error = phi[single(m, at.PHI_STEP_ERROR), j]
+        if not error > 0.0:
+            continue
+        phi[first + j, j] += error
+        error *= phi[sizes, j]
+        for k in range(p.n_varying):
+            if k != j and phi[sizes, k] > 0.0:
+                phi[first + j, k] += error / phi[sizes, k]
+
+
 @kernel_apart
 def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """Multiply the flow's Jacobian by that of the step that ends at END.
@@ -212,6 +236,7 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
         largest = max(largest, abs(m.states[at.Y, i]), abs(m.states[at.END, i]))
         phi[single(m, at.PHI_LARGEST), i] = largest
         phi[single(m, at.PHI_ERROR), i] += phi[single(m, at.PHI_STEP_ERROR), i]
+    add_errors(p, m)
     wrong = 0
     for e in range(n * n):
         wrong += 0 if abs(phi[n, e]) < inf else 1

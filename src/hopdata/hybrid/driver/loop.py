@@ -232,6 +232,7 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
             p.tangent[jacobian.single(m, at.PHI_LARGEST), i] = 0.0
             p.tangent[jacobian.single(m, at.PHI_ERROR), i] = 0.0
             p.tangent[jacobian.single(m, at.PHI_STEP_ERROR), i] = 0.0
+            problem.fill_row(p.tangent, jacobian.single(m, at.PHI_GROWN) + i, 0.0)
     return problem.first_not_finite(m.states, at.Y) < 0
 
 

@@ -258,7 +258,7 @@ def explicit_method(tableau: explicit.Tableau, scene: Scene | None = None) -> Me
         short_tangent=short,
         tangent_evaluations=per_derivative * derivatives,
         short_evaluations=3 * per_derivative,
-        tangent_rows=3 * n + PHI_ROWS + n * blocks,
+        tangent_rows=4 * n + PHI_ROWS + n * blocks,
         last_slope=tableau.slope_rows[stages - 1],
         stiff_tenths=tableau.stiff_tenths,
     )
@@ -279,7 +279,7 @@ def taylor_method(scene: Scene) -> Method:
         work_rows=taylor.work_rows(n),
         refresh=with_digest(taylor.refresh, **names),
         tangent=with_digest(taylor.tangent, **names),
-        tangent_rows=3 * n + PHI_ROWS,
+        tangent_rows=4 * n + PHI_ROWS,
     )
 
 

@@ -259,7 +259,7 @@ def _entry(terms: str) -> str:
 
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
     """Return code that forms a whole block entry by entry, which vectorises."""
-    blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(len(weights))]
+    blocks = [f"4 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(len(weights))]
     terms = _entry(combination(weights, blocks))
     return [
         "for e in range(N * N):",
@@ -346,7 +346,7 @@ def _embedded_error(tableau: Tableau) -> list[str]:
     They are linear in the slopes, so their derivatives are those of the estimates.
     """
     stages = len(tableau.weights)
-    blocks = [f"3 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(stages + 1)]
+    blocks = [f"4 * N + {at.PHI_ROWS} + {stage} * N" for stage in range(stages + 1)]
     lines = []
     if has_end_slope(tableau):
         lines += _end_slope(blocks[-1])
@@ -429,7 +429,7 @@ def tangent_code(tableau: Tableau) -> list[str]:
     ]
     for k, (node, weights) in enumerate(zip(nodes, stages, strict=True)):
         moved = f"dt * ({combination(weights, slopes)})"
-        target = f"3 * N + {at.PHI_ROWS} + {k} * N"
+        target = f"4 * N + {at.PHI_ROWS} + {k} * N"
         lines += [
             "for i in range(N):",
             INDENT + f"s[{at.SCRATCH}, i] = s[{at.Y}, i] + {moved}",
@@ -567,7 +567,7 @@ def short_tangent(  # noqa: PLR0913 (the arguments of a tangent)
     n = phi.width
     # Blocks: A at the start, the middle and the end of the step; the results of the
     # stages of Runge and Kutta, the last of them in the third block.
-    begin = 3 * n + at.PHI_ROWS
+    begin = 4 * n + at.PHI_ROWS
     middle = begin + n
     end = begin + 2 * n
     second = begin + 3 * n
