@@ -407,3 +407,16 @@ def test_of_a_landing_half_in_an_excluded_span_the_foot_outside_is_timed():
     assert timed["left"] == pytest.approx(first, abs=0.003)
     assert timed["right"] == pytest.approx(first[[0, 2]] + 0.04, abs=0.003)
     assert len(contacts(recording, exclude=[(1.5, 2.2)]).orders) == 2
+
+
+def test_the_methods_paragraph_states_both_errors_the_feet_and_what_was_left_out():
+    truth = alternating()
+    spans = [(truth["left"][1] - 0.1, truth["left"][1] + 0.1)]
+    found = contacts(walking(truth), exclude=spans)
+    text = found.methods().text
+    assert f"{1e3 * found.median_se_s:.2g} ms in the median" in text
+    for foot, own in found.found.groupby("foot"):
+        assert f"{1e3 * own['common_s'].max():.2g} ms ({foot})" in text
+    assert f"{len(found.found)} were timed" in text
+    assert "left out by hand" in text
+    assert "left out" not in contacts(walking(truth)).methods().text

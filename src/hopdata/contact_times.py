@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +44,9 @@ from hopdata.landings.held_frames import without_held_frames
 from hopdata.messages import Lines, Message, Messages
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.writers.contact_events import ContactEvent
+
+if TYPE_CHECKING:
+    from hopdata.report.methods import Methods
 
 #: Probability below which an order is unsure, as `touchdowns.ambiguous_below`.
 #: Unit: 1. Origin: chosen.
@@ -155,6 +158,20 @@ class ContactTimes(Shown):
             )
             for one in own.sort_values("contact_s", kind="stable").to_dict("records")
         ]
+
+    def methods(self) -> Methods:
+        """Return a methods paragraph for a paper: what was timed, how, how surely.
+
+        It has ``text`` and, as ``bibtex``, the references.
+        """
+        from hopdata.contact_methods import contact_methods
+
+        return contact_methods(
+            self.table,
+            len(self.orders),
+            recordings=self.recordings,
+            messages=self.messages,
+        )
 
     def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
         """Return the heights of the feet about the contacts of some landings.
