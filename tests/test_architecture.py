@@ -83,7 +83,10 @@ ABOVE = {
     },
     "reading": {"config", "landings", "recordings"},
     "analysis": {"config", "maps", "reading", "recordings", "stages", "walk"},
-    "contact_times": {"config", "landings", "reading", "recordings"},
+    "contact_methods": {"landings", "report"},
+    "contact_times": {
+        *("config", "contact_methods", "landings", "reading", "recordings", "report"),
+    },
     "saved": {"group", "line", "maps", "report", "stages", "walk"},
     "samples": {"config", "maps"},
     "group": {"config", "maps", "report", "walk"},

@@ -370,3 +370,53 @@ def test_contacts_in_an_excluded_span_are_not_timed():
     assert np.abs(left - second_s).min() > 0.1
     assert len(left) == len(truth["left"]) - 1
     assert found.messages[0].code == "landings.spans_excluded"
+
+
+def landed(commons):
+    """Return contacts of feet with common errors, s; two landings of each."""
+    rows = [(foot, common) for foot, common in commons.items() for _ in range(2)]
+    table = pd.DataFrame(rows, columns=["foot", "common_s"])
+    table = table.assign(found=True, se_s=1e-4)
+    orders = pd.DataFrame({"probability": [np.nan, np.nan], "sure": [None, None]})
+    return ContactTimes(table, orders, Messages(()), ())
+
+
+@pytest.mark.parametrize(
+    ("commons", "told"),
+    [
+        (
+            {"left": 2.2e-4, "right": 3.1e-4},
+            ", common error left 0.22 ms, right 0.31 ms",
+        ),
+        ({"left": 2e-4, "right": 2e-4}, ", common error 0.2 ms (of each foot)"),
+        ({"left": 2e-4}, ", common error 0.2 ms (of the foot)"),
+        ({"left": np.nan}, "standard error 0.1 ms (median)"),
+    ],
+)
+def test_the_common_error_of_each_foot_stands_beside_the_standard_error(commons, told):
+    assert str(landed(commons)).endswith(told)
+
+
+def test_of_a_landing_half_in_an_excluded_span_the_foot_outside_is_timed():
+    first = np.array([0.7, 1.9, 3.1])
+    recording = walking({"left": first, "right": first + 0.04}, bob_m=0.02)
+    assert len(contacts(recording).orders) == 3
+    half = contacts(recording, exclude=[(1.93, 2.2)])
+    assert len(half.orders) == 3
+    timed = half.found.groupby("foot")["contact_s"].apply(list)
+    assert timed["left"] == pytest.approx(first, abs=0.003)
+    assert timed["right"] == pytest.approx(first[[0, 2]] + 0.04, abs=0.003)
+    assert len(contacts(recording, exclude=[(1.5, 2.2)]).orders) == 2
+
+
+def test_the_methods_paragraph_states_both_errors_the_feet_and_what_was_left_out():
+    truth = alternating()
+    spans = [(truth["left"][1] - 0.1, truth["left"][1] + 0.1)]
+    found = contacts(walking(truth), exclude=spans)
+    text = found.methods().text
+    assert f"{1e3 * found.median_se_s:.2g} ms in the median" in text
+    for foot, own in found.found.groupby("foot"):
+        assert f"{1e3 * own['common_s'].max():.2g} ms ({foot})" in text
+    assert f"{len(found.found)} were timed" in text
+    assert "left out by hand" in text
+    assert "left out" not in contacts(walking(truth)).methods().text

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -44,6 +44,9 @@ from hopdata.landings.held_frames import without_held_frames
 from hopdata.messages import Lines, Message, Messages
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.writers.contact_events import ContactEvent
+
+if TYPE_CHECKING:
+    from hopdata.report.methods import Methods
 
 #: Probability below which an order is unsure, as `touchdowns.ambiguous_below`.
 #: Unit: 1. Origin: chosen.
@@ -156,6 +159,20 @@ class ContactTimes(Shown):
             for one in own.sort_values("contact_s", kind="stable").to_dict("records")
         ]
 
+    def methods(self) -> Methods:
+        """Return a methods paragraph for a paper: what was timed, how, how surely.
+
+        It has ``text`` and, as ``bibtex``, the references.
+        """
+        from hopdata.contact_methods import contact_methods
+
+        return contact_methods(
+            self.table,
+            len(self.orders),
+            recordings=self.recordings,
+            messages=self.messages,
+        )
+
     def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
         """Return the heights of the feet about the contacts of some landings.
 
@@ -252,11 +269,31 @@ class ContactTimes(Shown):
         told = f"{n_contacts} in {counted(len(self.orders), 'landing')}"
         if len(self.found):
             told += f", standard error {1e3 * self.median_se_s:.2g} ms (median)"
+            told += self._common_told()
         ordered = self.orders["probability"].notna()
         if ordered.any():
             n_sure = int(self.orders.loc[ordered, "sure"].sum())
             told += f"; {n_sure} of {counted(int(ordered.sum()), 'order')} sure"
         return told
+
+    def _common_told(self) -> str:
+        """Return the common error of each foot, in words; nothing if it is unknown.
+
+        Of several recordings it is the largest.
+        """
+        of_feet = self.found.groupby("foot", sort=False)["common_s"].max()
+        each = {
+            str(foot): f"{1e3 * common_s:.2g} ms"
+            for foot, common_s in of_feet.items()
+            if np.isfinite(common_s)
+        }
+        if not each:
+            return ""
+        if len(set(each.values())) == 1:
+            whose = "of the foot" if len(each) == 1 else "of each foot"
+            return f", common error {next(iter(each.values()))} ({whose})"
+        listed = ", ".join(f"{foot} {error}" for foot, error in each.items())
+        return f", common error {listed}"
 
     def _rows(self) -> dict[str, Any]:
         """Return the table for a notebook."""
@@ -305,7 +342,9 @@ def contacts(
         force plates in them.
     exclude : sequence of (begin, end)
         Spans, s, whose frames count as unseen in all recordings, such as those with
-        exchanged markers. Contacts in them are not timed.
+        exchanged markers. A foot that comes down in them is not timed, or less surely
+        from the frames beside them. Of a landing half inside, the feet outside are
+        timed; a landing wholly inside has no row.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.

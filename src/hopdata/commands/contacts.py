@@ -536,18 +536,23 @@ def _write(
 
 
 def _write_tables(file: Path, found: ContactTimes) -> None:
-    """Write the table of contacts, and that of orders beside it."""
+    """Write the table of contacts, and that of orders beside it.
+
+    Where no two feet land together, as in a run, there are no orders and no file. One
+    of an earlier call, which may be replaced, is deleted.
+    """
+    tables = {"table": (file, found.table)}
     of_orders = _orders_beside(file)
-    why_empty = ""
-    if not (found.orders["feet"] > 1).any():
-        why_empty = " (no orders: each landing has one timed foot)"
-    for kind, path, table in (
-        ("table", file, found.table),
-        ("orders", of_orders, found.orders),
-    ):
+    has_orders = bool((found.orders["feet"] > 1).any())
+    if has_orders:
+        tables["orders"] = (of_orders, found.orders)
+    for kind, (path, table) in tables.items():
         text = table.to_csv(index=False, float_format="%.7g")
         terminal.write_text(path, text)
-        print(f"{kind}: {path}{why_empty if table is found.orders else ''}")
+        print(f"{kind}: {path}")
+    if not has_orders:
+        of_orders.unlink(missing_ok=True)
+        print("orders: none, since each landing is of one foot")
 
 
 def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> None:

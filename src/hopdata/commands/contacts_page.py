@@ -65,6 +65,7 @@ def contacts_html(
         answer=f"{found}.",
         highlights=_highlights(found),
         notes=told,
+        methods=found.methods(),
         pictures=_pictures(found, shown),
         tables=[
             table

@@ -1,0 +1,115 @@
+"""The methods paragraph of contacts alone: what was timed, how, and how surely."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from hopdata.arrays import pd
+from hopdata.errors import counted
+from hopdata.landings.contacts.joined import parts_of_feet
+from hopdata.messages import Message
+from hopdata.recording import Recording
+from hopdata.report.methods import CITED, Methods, references
+
+# Packages whose versions are stated.
+STATED = ("numpy", "numba")
+
+
+def contact_methods(
+    table: pd.DataFrame,
+    n_landings: int,
+    *,
+    recordings: Sequence[Recording],
+    messages: Sequence[Message],
+) -> Methods:
+    """Return the methods paragraph of some contacts, with the references it cites.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each contact, as `hopdata.contact_times.ContactTimes.table`.
+    n_landings : int
+        How many landings there are.
+    recordings : sequence of Recording
+        The recordings.
+    messages : sequence of Message
+        What was told of them.
+    """
+    parts = [
+        _of_recordings(recordings),
+        Message("report.contacts_by_kink"),
+        *_of_contacts(table, n_landings),
+        *_of_messages(messages),
+        _of_software(),
+    ]
+    text = " ".join(str(part) for part in parts).replace("\u00a0", " ")
+    return Methods(text, references(text, CITED, version("hopdata")))
+
+
+def _of_recordings(recordings: Sequence[Recording]) -> Message:
+    """Say what was recorded, and of which feet."""
+    rates = sorted({float(f"{one.rate_hz:.4g}") for one in recordings})
+    values = {
+        "recordings": counted(len(recordings), "recording"),
+        "rate": " and ".join(f"{rate:g}" for rate in rates),
+        "feet": ", ".join(_feet(recordings)),
+    }
+    return Message("report.contacts_recorded", values)
+
+
+def _of_contacts(table: pd.DataFrame, n_landings: int) -> Iterator[Message]:
+    """Say how many contacts were timed, and how surely."""
+    timed = table[table["found"].astype(bool)]
+    values = {
+        "timed": len(timed),
+        "all": counted(len(table), "contact"),
+        "landings": counted(n_landings, "landing"),
+    }
+    yield Message("report.contacts_timed", values)
+    if len(timed):
+        values = {
+            "median_ms": f"{1e3 * timed['se_s'].median():.2g}",
+            "most_ms": f"{1e3 * timed['se_s'].max():.2g}",
+        }
+        yield Message("report.contacts_errors", values)
+    common_s = timed.groupby("foot", sort=False)["common_s"].max()
+    common_s = common_s[np.isfinite(common_s.astype(float))]
+    if len(common_s):
+        each = [
+            f"{1e3 * error_s:.2g} ms ({foot})" for foot, error_s in common_s.items()
+        ]
+        yield Message("report.contacts_common", {"each": ", ".join(each)})
+    large = int((timed["remark"] != "").sum())
+    if large:
+        values = {"contacts": counted(large, "contact")}
+        yield Message("report.contacts_remarked", values)
+
+
+def _of_messages(messages: Sequence[Message]) -> Iterator[Message]:
+    """Say what was left out, and how contacts compare with force plates."""
+    for one in messages:
+        if one.code == "landings.spans_excluded":
+            yield Message("report.contacts_excluded", one.values)
+        if one.code == "landings.contacts_beside_plates":
+            yield Message("report.contacts_plates", one.values)
+
+
+def _of_software() -> Message:
+    """Say which versions were used."""
+    packages = [f"{name} {version(name)}" for name in STATED]
+    values = {"version": version("hopdata"), "packages": ", ".join(packages)}
+    return Message("report.contacts_software", values)
+
+
+def _feet(recordings: Sequence[Recording]) -> list[str]:
+    """Return the feet, and of which markers each is."""
+    named: dict[str, str] = {}
+    for recording in recordings:
+        parts = parts_of_feet(recording)
+        for foot, markers in zip(recording.names("foot"), parts, strict=True):
+            own = ", ".join(recording.markers[marker] for marker in markers)
+            named[foot] = foot if own == foot else f"{foot} ({own})"
+    return list(named.values())
