@@ -235,6 +235,11 @@ class ContactTimes(Shown):
             Landings to draw.
         ax, style
             As for `plot`.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
         """
         shown = self.orders.head(most)
         keys = ["recording", "landing"]
