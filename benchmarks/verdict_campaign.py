@@ -23,9 +23,8 @@ contact (`bound_holds`, `interval_holds`); those of jumps with the exact jump.
 
 If the difference saturates, the bound over the landings is compared with what the
 mechanism makes on average over them (`bound_holds_average`). `saturates` is the share
-of studies that find this, and `bound_holds_found` is `bound_holds` of these alone.
-`bound_holds_said` counts the bound for what its sentence claims: the contact in these,
-the average over the landings in the others.
+of studies that find this. They give no bound at the contact, so `bound_holds` is of the
+others; their intervals hold if the low end does.
 
 Of positions that a low-pass has smoothed, the verdict is asked as a study asks it: with
 the reason that the recording's filter gives, if it cuts off low. One cell keeps the
@@ -273,7 +272,7 @@ def judged(one: Cell, seed: int, body: Body, landings: Landings) -> dict[str, An
     row: dict[str, Any] = {
         "judge_s": time.process_time() - began,
         "conclusion": verdict.conclusion,
-        "foretold": verdict.foretold,
+        "foretold": verdict.contacts_r2,
         "saturates": int(verdict.saturates),
         "notes": " ".join(sorted({note["code"] for note in verdict.notes})),
     }
@@ -453,9 +452,6 @@ def read(file: Path) -> pd.DataFrame:
     rows["bound"] = rows["upper_bound"] >= rows["true_kink"]
     rows["bound_average"] = rows["over_upper_bound"] >= rows["true_average"]
     rows["found_to_saturate"] = rows["saturates"] == 1
-    rows["bound_said"] = rows["bound"].where(
-        rows["found_to_saturate"], rows["bound_average"]
-    )
     rows["interval"] = _within(rows, "true_kink", "")
     rows["jump_bound"] = rows["jump_upper_bound"] >= rows["true_jump"]
     rows["jump_interval"] = _within(rows, "true_jump", "jump_")
@@ -488,7 +484,7 @@ def _summary(part: pd.DataFrame, twin: pd.DataFrame | None) -> dict[str, Any]:
     steps = known.dropna(subset=["jump_upper_bound"])
     kinked = known[known["true_kink"] > 0.05]
     stepped = steps[steps["true_jump"] > 0.02]
-    saturating = known[known["found_to_saturate"]]
+    bounded = known[~known["found_to_saturate"]]
     row = {
         "seeds": _purpose(part["seed"]),
         "studies": len(part),
@@ -498,11 +494,9 @@ def _summary(part: pd.DataFrame, twin: pd.DataFrame | None) -> dict[str, Any]:
         "called_none": (judged_ones["conclusion"] == "no difference").mean(),
         "kink_found": (known["low"] > 0).mean(),
         "jump_found": (steps["jump_low"] > 0).mean(),
-        "bound_holds": known["bound"].mean(),
+        "bound_holds": bounded["bound"].mean(),
         "bound_holds_average": known["bound_average"].mean(),
         "saturates": known["found_to_saturate"].mean(),
-        "bound_holds_found": saturating["bound"].mean(),
-        "bound_holds_said": known["bound_said"].mean(),
         "interval_holds": known["interval"].mean(),
         "jump_bound_holds": steps["jump_bound"].mean(),
         "jump_interval_holds": steps["jump_interval"].mean(),
@@ -519,8 +513,7 @@ def _summary(part: pd.DataFrame, twin: pd.DataFrame | None) -> dict[str, Any]:
         "judge_s": judged_ones["judge_s"].median(),
     }
     if part["mechanism"].iloc[0] not in SATURATING:
-        for name in ("bound_holds_average", "bound_holds_found", "bound_holds_said"):
-            row[name] = np.nan
+        row["bound_holds_average"] = np.nan
     for name in RIVALS:
         row[f"{name}_found"] = judged_ones[f"{name}_found"].mean()
         row[f"{name}_equal"] = np.nan

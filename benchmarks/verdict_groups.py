@@ -24,9 +24,7 @@ p-value below 0.05.
 from __future__ import annotations
 
 import argparse
-import csv
 import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
@@ -35,7 +33,8 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from bodies import Body, Seen, study
+from bodies import Seen, study
+from campaigns import run
 from verdict_campaign import asked, cell, moved, source
 
 from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
@@ -66,25 +65,6 @@ def studies_of(kind: str, seed: int) -> list[dict[str, Any]]:
             row |= {name: effect[name] for name in ("low", *OF_GROUP)}
         rows.append(row)
     return rows
-
-
-def run(file: Path, seeds: range, jobs: int) -> None:
-    """Judge the subjects that have no row in the file, and append theirs."""
-    done = set()
-    if file.exists():
-        known = pd.read_csv(file)
-        done = set(zip(known["kind"], known["seed"], strict=True))
-    tasks = [task for task in product(KINDS, seeds) if task not in done]
-    # Compiled once, before the processes that inherit it start.
-    Body(0).landings(2, np.random.default_rng(0))
-    with ProcessPoolExecutor(jobs) as pool, file.open("a", newline="") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        if not done:
-            writer.writeheader()
-        waiting = [pool.submit(studies_of, *task) for task in tasks]
-        for finished in as_completed(waiting):
-            writer.writerows(finished.result())
-            out.flush()
 
 
 def tables(studies: pd.DataFrame) -> pd.DataFrame:
@@ -177,7 +157,8 @@ def main() -> None:
     if args.subjects < max(SIZES):
         parser.error(f"--subjects: {max(SIZES)} or more")
     file = args.out.with_name("verdict_groups_studies.csv")
-    run(file, range(args.first, args.first + args.subjects), args.jobs)
+    tasks = list(product(KINDS, range(args.first, args.first + args.subjects)))
+    run(file, COLUMNS, studies_of, tasks, named=("kind", "seed"), jobs=args.jobs)
     table = tables(pd.read_csv(file))
     table.to_csv(args.out, index=False, float_format="%.4g")
     print(table.to_string(index=False))

@@ -24,14 +24,20 @@ with one of these notes. `wrong` are those whose interval does not hold the size
 simultaneous contact, and `wrong_noted` those of them with the note `grows`; the size of
 `kink` is not known. Seeds 0 to 9 were used to choose; those from 5000 on, the default,
 were not.
+
+``verdict_shapes.csv`` beside it is of differences that fade with the delay in a shape of
+their own (`fading.py`), such as none that the verdict fits. `low_holds` are the studies
+whose `low` is not above the size at the simultaneous contact, `average_holds` those
+whose bound over the landings is not below the average, and `high_holds` those of the
+`saturates` whose `high` is not below the size. `none_wrong` are those called *no
+difference* whose time constant is above `holds_from`, although the size at the contact
+is above the margin.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
@@ -40,8 +46,12 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from bodies import Body, Landings, Seen, study
+from bodies import Landings, Seen, study
+from campaigns import run
+from fading import DELAYS, SHAPES, fading_landings
 from verdict_campaign import asked, cell, moved, source
+
+from hopdata.maps.verdict import judge
 
 MECHANISMS = ("clutch", "reflex", "damping", "side", "twist")
 ADDED_KINDS = ("kink", "square", "bend 0.5", "bend 1", "bend 2")
@@ -56,6 +66,30 @@ COLUMNS = (
     *NOTES,
     "slope",
     "wrong",
+)
+# Differences that fade: their time constants, and what is told of each study.
+TIME_CONSTANTS_MS = (3.0, 6.0)
+FADING_LANDINGS = 900
+SHAPES_TABLE = "verdict_shapes.csv"
+OF_FADING = ("shape", "delay", "time_constant_ms")
+FADING_COUNTS = (
+    "different",
+    "no_difference",
+    "saturates",
+    "low_holds",
+    "average_holds",
+    "none_wrong",
+)
+FADING_COLUMNS = (
+    *OF_FADING,
+    "seed",
+    "true",
+    "true_average",
+    *FADING_COUNTS,
+    "high_holds",
+    "low",
+    "estimate",
+    "over",
 )
 STUDIES = 10
 FIRST_SEED = 5000
@@ -90,7 +124,7 @@ def with_added(kind: str, landings: Landings, rng: np.random.Generator) -> Landi
     return replace(landings, outcomes=outcomes)
 
 
-def judged(kind: str, seed: int) -> dict[str, Any]:
+def judged(kind: str, seed: int) -> list[dict[str, Any]]:
     """Return what the verdict says of one body."""
     mechanism = kind if kind in MECHANISMS else "c1"
     one = cell(LANDINGS, mechanism=mechanism)
@@ -112,27 +146,35 @@ def judged(kind: str, seed: int) -> dict[str, Any]:
         row[name] = int(f"maps.{name}" in noted)
         if row[name]:
             row["slope"] = noted[f"maps.{name}"]["slope"]
-    return row
+    return [row]
 
 
-def run(file: Path, seeds: range, jobs: int) -> None:
-    """Judge the studies that have no row in the file, and append theirs."""
-    done = set()
-    if file.exists():
-        known = pd.read_csv(file)
-        done = set(zip(known["seed"], known["kind"], strict=True))
-    kinds = [*ADDED_KINDS, *MECHANISMS]
-    tasks = [task for task in product(seeds, kinds) if task not in done]
-    # Compiled once, before the processes that inherit it start.
-    Body(0).landings(2, np.random.default_rng(0))
-    with ProcessPoolExecutor(jobs) as pool, file.open("a", newline="") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        if not done:
-            writer.writeheader()
-        waiting = [pool.submit(judged, kind, seed) for seed, kind in tasks]
-        for finished in as_completed(waiting):
-            writer.writerow(finished.result())
-            out.flush()
+def judged_fading(
+    shape: str, delay: str, time_constant_ms: float, seed: int
+) -> list[dict[str, Any]]:
+    """Return what the verdict says of a difference that fades."""
+    time_constant_s = 1e-3 * time_constant_ms
+    data = fading_landings(
+        shape, delay, time_constant_s, seed, landings=FADING_LANDINGS
+    )
+    verdict = judge(data.before, data.after, data.instants, seed=seed)
+    size = verdict.effect
+    over = verdict.effect_over_landings
+    true = data.at_contact
+    none = verdict.conclusion == "no difference"
+    covered = verdict.holds_from is not None and time_constant_s <= verdict.holds_from
+    row = {"shape": shape, "delay": delay, "time_constant_ms": time_constant_ms}
+    row |= {"seed": seed, "true": true, "true_average": data.average}
+    row["different"] = int(verdict.conclusion == "different")
+    row["no_difference"] = int(none)
+    row["saturates"] = int(verdict.saturates)
+    row["low_holds"] = int(size.low <= true)
+    row["high_holds"] = int(true <= size.high)
+    row["average_holds"] = int(data.average <= over.upper_bound)
+    # What "no difference" says of the contact: it holds of what fades more slowly.
+    row["none_wrong"] = int(none and true > verdict.margin and not covered)
+    row |= {"low": size.low, "estimate": size.estimate, "over": over.estimate}
+    return [row]
 
 
 def table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -152,6 +194,22 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
+def table_of_fading(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each shape, delay and time constant."""
+    found = []
+    for names, part in rows.groupby(list(OF_FADING), sort=False):
+        saturating = part[part["saturates"] == 1]
+        row = dict(zip(OF_FADING, names, strict=True))
+        row["studies"] = len(part)
+        row["true_median"] = part["true"].median()
+        row["average_median"] = part["true_average"].median()
+        row |= {name: part[name].sum() for name in FADING_COUNTS}
+        row["high_holds"] = saturating["high_holds"].sum()
+        row["estimate_median"] = saturating["estimate"].median()
+        found.append(row)
+    return pd.DataFrame(found)
+
+
 def main() -> None:
     """Judge the studies and write the table."""
     parser = argparse.ArgumentParser(
@@ -163,9 +221,24 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count())
     args = parser.parse_args()
     file = args.out.with_name("verdict_growth_studies.csv")
-    run(file, range(args.first, args.first + args.studies), args.jobs)
+    seeds = range(args.first, args.first + args.studies)
+    kinds = [*ADDED_KINDS, *MECHANISMS]
+    tasks = [(kind, seed) for seed, kind in product(seeds, kinds)]
+    run(file, COLUMNS, judged, tasks, named=("kind", "seed"), jobs=args.jobs)
     found = table(pd.read_csv(file))
     found.to_csv(args.out, index=False, float_format="%.4g")
+    print(found.to_string(index=False))
+
+    file = args.out.with_name("verdict_shapes_studies.csv")
+    tasks = list(product(SHAPES, DELAYS, TIME_CONSTANTS_MS, seeds))
+    named = (*OF_FADING, "seed")
+    run(file, FADING_COLUMNS, judged_fading, tasks, named=named, jobs=args.jobs)
+    order = {shape: place for place, shape in enumerate(SHAPES)}
+    rows = pd.read_csv(file).sort_values(
+        [*OF_FADING, "seed"], key=lambda column: column.replace(order), kind="stable"
+    )
+    found = table_of_fading(rows)
+    found.to_csv(args.out.with_name(SHAPES_TABLE), index=False, float_format="%.4g")
     print(found.to_string(index=False))
 
 

@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
 #: task, explanations to understand, and what is looked up.
 PAGES = {
     "Tutorials": [
-        "first_study", "real_recording", "notebook", "own_recording", "plan", "steering",
+        "first_study", "real_recording", "notebook", "plan", "steering",
         "another_robot", "new_scene",
     ],
     "How to": [
@@ -28,7 +28,7 @@ PAGES = {
         "../CONTRIBUTING",
     ],
     "Explanation": [
-        "c1", "gradient", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
+        "c1", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
         "prediction", "limits", "comparison", "steering_measured", "dissertation",
         "architecture", "decisions", "reliability",
     ],

@@ -15,6 +15,7 @@ import psutil
 import pytest
 import yaml
 from checkouts import part_of_sample
+from overlaps import text_faults
 
 import hopdata as hd
 from hopdata.__main__ import main
@@ -117,6 +118,38 @@ def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     ] * 3
 
 
+def test_the_size_at_the_contact_stands_beside_that_over_the_landings():
+    """The size of all is over the landings, so the squares of all rows are, too."""
+    rows = made_up(5)[1:]
+    at_contact = {"saturates": True, "estimate": 0.6, "high": 0.9, "upper_bound": 0.8}
+    sizes = ("estimate", "low", "high", "upper_bound")
+    before = {f"over_landings_{size}": rows[1][size] for size in sizes}
+    plain = group_figure(put_together(rows, GROUP))
+    rows[1] |= before | at_contact
+    group = put_together(rows, GROUP)
+    figure = group_figure(group)
+    squares, triangles = (_marks(figure, mark) for mark in "s^")
+    assert _marks(plain, "s") == squares
+    assert _marks(plain, "^") == []
+    assert triangles == [60.0]
+    assert plain.legends == []
+    assert len(figure.legends[0].get_texts()) == 2
+    assert text_faults(figure) == []
+    page = build_group_page(group, [])
+    over = f"{100 * before['over_landings_estimate']:.2g}"
+    assert page.count(f"60\u00a0% (over the landings {over}\u00a0%)") == 1
+    assert "shrink as the contacts" in page
+    assert "shrink as the contacts" not in build_group_page(
+        put_together(made_up(5), GROUP), []
+    )
+
+
+def _marks(figure, mark):
+    """Return the places of all marks of this kind, per cent."""
+    lines = [line for line in figure.axes[0].get_lines() if line.get_marker() == mark]
+    return [float(x) for line in lines for x in line.get_xdata()]
+
+
 def made_up(number):
     """Return rows of studies with sizes up to 40 %, every tenth without an answer."""
     rng = np.random.default_rng(number)
@@ -160,6 +193,18 @@ def test_conditions_of_a_large_group_have_a_histogram_each_unless_they_are_many(
         assert len(histograms) == {2: 2, 7: 1}[len(conditions)]
         bars = [bar.get_height() for axes in histograms for bar in axes.patches]
         assert sum(bars) == 270
+
+
+def test_one_reason_of_all_is_told_once():
+    """The sentence at the top gives the first reason, so equal ones add nothing."""
+    same = [made_up(4)[k] | {"reason": "expected 150, found 149"} for k in range(3)]
+    page = build_group_page(put_together(same, GROUP), [])
+    assert page.count("expected 150, found 149") == 1
+    assert page.count(">no answer<") == 3
+    same[1]["reason"] = "no feet"
+    page = build_group_page(put_together(same, GROUP), [])
+    assert page.count("expected 150, found 149") == 3
+    assert page.count(">no answer: no feet<") == 1
 
 
 def test_few_of_many_copies_are_named():

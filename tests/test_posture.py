@@ -65,8 +65,8 @@ def test_the_same_hopper_without_a_difference_is_not_called_different():
 def test_what_foretells_the_contacts_is_said():
     study, _ = studied(0.0)
     verdict = study.verdict
-    assert verdict.foretold > 0.99
-    share = f"{100 * verdict.foretold:.1f} %"
+    assert verdict.contacts_r2 > 0.99
+    share = f"{100 * verdict.contacts_r2:.1f} %"
     assert f"the feet before the landing foretell {share}" in verdict.contacts
     pairs = study.pairs
     hidden = np.full(pairs.feet.shape, np.nan)
@@ -78,7 +78,7 @@ def test_what_foretells_the_contacts_is_said():
         feet=hidden,
         seed=1,
     )
-    assert averaged.foretold < 0.97
+    assert averaged.contacts_r2 < 0.97
     assert "feet not seen before contact: averaged" in averaged.contacts
     assert averaged.conclusion == "cannot tell"
 

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
 from hopdata.bundled import SNAKEFILE
-from hopdata.config.loading import check_keys, load_config, read_yaml, section_names
+from hopdata.config.loading import (
+    check_keys,
+    load_config,
+    read_yaml,
+    scene_said,
+    section_names,
+)
 from hopdata.errors import (
     AnalysisError,
     ArgumentError,
@@ -363,14 +369,20 @@ def analyse(
 
 @told_options(section_names)
 def synthesize(
-    scene: str = "hopper", *, name: str = "simulated", seed: int = 0, **keys: Any
+    scene: object = "hopper",
+    *,
+    name: str = "simulated",
+    seed: int = 0,
+    **keys: Any,
 ) -> tuple[Recording, Truth]:
     """Simulate a motion-capture recording of a scene, and return it with its truth.
 
     Parameters
     ----------
-    scene : str
-        A scene of `hopdata.scenes`, such as ``"hopper"`` or ``"quadruped"``.
+    scene : str or Scene
+        A scene of `hopdata.scenes`, such as ``"hopper"`` or ``"quadruped"``; or one of
+        your own: an object, or ``"MODULE:CLASS"`` in a file of the working folder,
+        whose code is then run.
     name : str
         Name of the recording.
     seed : int
@@ -392,7 +404,9 @@ def synthesize(
     """
     options = keys.get("simulation") or {}
     if isinstance(options, Mapping):
-        options = {"scene": scene, **options}
+        scene_name, parameters = scene_said(scene)
+        block = {scene_name: parameters} if parameters else {}
+        options = {"scene": scene_name, **block, **options}
     keys["simulation"] = options
     # The simulation makes all markers, whatever names are given here.
     markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
@@ -409,9 +423,27 @@ def synthesize(
     return recording, truth
 
 
-def planned(allowed: float) -> list[float]:
-    """Return the differences to plan for, beyond what smooth terms may leave."""
-    return [round(allowed + more, 2) for more in BEYOND]
+def planned(allowed: float, margin: float) -> list[float]:
+    """Return the differences to plan for, beyond what smooth terms may leave.
+
+    The margin is one of them if it is beyond that.
+    """
+    differences = {round(allowed + more, 2) for more in BEYOND}
+    if margin > allowed:
+        differences.add(margin)
+    return sorted(differences)
+
+
+def require_lasting(*, saturates: bool) -> None:
+    """Raise an error if the difference of a pilot saturates.
+
+    Raises
+    ------
+    AnalysisError
+        If it does: no number of landings is known for the simultaneous contact.
+    """
+    if saturates:
+        raise AnalysisError(Message("maps.plan_saturates"))
 
 
 @told_call
@@ -426,7 +458,8 @@ def plan(
         A study of a short or a simulated recording.
     differences : sequence of float, optional
         Sizes of the difference, as shares of the map. They must exceed what smooth
-        terms may leave (0.1 or more); by default they exceed it by 0.03 to 0.4.
+        terms may leave (0.1 or more); by default they exceed it by 0.03 to 0.4, and
+        the margin is one of them if it exceeds it, too.
 
     Returns
     -------
@@ -437,8 +470,8 @@ def plan(
     Raises
     ------
     AnalysisError
-        If the pilot has no answer, or if no number of landings shows one of the
-        differences.
+        If the pilot has no answer, if its difference saturates, or if no number of
+        landings shows one of the differences.
     """
     from hopdata.maps.verdict.judge import Verdict
 
@@ -450,9 +483,10 @@ def plan(
         raise AnalysisError(
             f"pilot: expected an answer to plan from: {verdict.sentence}"
         )
+    require_lasting(saturates=verdict.saturates)
     effect = verdict.effect
     if differences is None:
-        differences = planned(effect.least_allowed)
+        differences = planned(effect.least_allowed, verdict.margin)
     sizes = numbers("differences", differences).ravel()
     needed = [
         effect.landings_needed(verdict.n_landings, size, verdict.n_feet)

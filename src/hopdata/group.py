@@ -16,6 +16,9 @@ from hopdata.errors import AnalysisError, HopdataError
 logger = logging.getLogger("hopdata")
 # Most studies that a page shows one by one; it sums up more of them.
 MOST_ONE_BY_ONE = 100
+# The size and its ends, which a row also has over the landings: that of the contact is
+# another where the difference saturates.
+SIZES = ("estimate", "low", "high", "upper_bound")
 # Most subjects that a sentence names.
 MOST_NAMED = 5
 
@@ -57,9 +60,9 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     if verdict.effect is None:
         reason = "; ".join(note["reason"] for note in verdict.notes)
     else:
-        row |= asdict(verdict.effect)
+        row |= verdict.effect.to_dict()
     if verdict.jump and verdict.decided_by == "jump":
-        row |= {f"jump_{key}": value for key, value in asdict(verdict.jump).items()}
+        row |= {f"jump_{key}": value for key, value in verdict.jump.to_dict().items()}
     study.save(folder)
     drawn = None
     if "svg" in study.config["figures"]["formats"]:
@@ -67,6 +70,10 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     study.report(folder / "report.html", drawn=drawn)
     checks = study.quality.to_dict("records")
     row["conclusion"] = verdict.conclusion
+    row["saturates"] = verdict.saturates
+    if verdict.effect_over_landings is not None:
+        of_landings = asdict(verdict.effect_over_landings)
+        row |= {f"over_landings_{size}": of_landings[size] for size in SIZES}
     row["landings"] = verdict.n_landings
     row["landings_needed"] = verdict.landings_needed
     row["decided_by"] = verdict.decided_by

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from hopdata import __version__
+from hopdata.foreign.working_folder import code_of
 
 PACKAGE = Path(__file__).parent
 # Suffixes of files, beside Python's, from which results follow.
@@ -175,11 +176,23 @@ def provenance(
         "config": dict(config),
         "inputs": dict(inputs),
         "code_sha256": package_digest(),
+        "own_code_sha256": own_code(config),
         "versions": {name: version_of(name) for name in REPORTED},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "stage_seconds": _seconds_of(stage_times),
     }
+
+
+def own_code(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return the digests of the user's files that a study has run, by their paths.
+
+    They are those of a scene in the working folder.
+    """
+    entries = config.get("recordings") or []
+    if all(entry.get("file") for entry in entries):
+        return {}
+    return code_of((config.get("simulation") or {}).get("scene"))
 
 
 def package_digest() -> str:

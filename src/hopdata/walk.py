@@ -403,6 +403,7 @@ class Study(Shown):
 
     def _report_inputs(self, drawn: Path | None) -> Any:
         """Return what the page shows, with the figures of a folder if it has any."""
+        from hopdata.config.loading import what_is_set
         from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 
         captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
@@ -441,6 +442,7 @@ class Study(Shown):
             remarks=self._result("remarks"),
             one_or_own=self._result("one_or_own"),
             simulated=self._is_simulated(),
+            settings=what_is_set(self.config),
             notes=notes,
         )
 

@@ -1,5 +1,6 @@
 """Groups of bodies, and functions of the instants that are told from kinks."""
 
+import fading
 import numpy as np
 import pandas as pd
 import pytest
@@ -52,3 +53,28 @@ def test_what_is_added_has_a_slope_at_the_simultaneous_contact_only_if_it_is_a_k
         slopes[kind] = np.abs(value[500:] - least).max() / 1e-4
     assert slopes["kink"] > 0.5
     assert max(slopes["square"], slopes["bend 1"]) < 0.01
+
+
+def test_a_difference_that_fades_starts_as_a_kink_of_known_size(monkeypatch):
+    """0.269 is the size that docs/verdict.md computes for the same landings."""
+    monkeypatch.setattr(fading, "STRENGTH", 50.0)
+    lasting = fading.fading_landings("lasting", "latest - mean", 0.003, 1)
+    assert lasting.at_contact == pytest.approx(0.269, abs=5e-4)
+    for delay in fading.DELAYS:
+        sizes = {
+            name: fading.fading_landings(name, delay, 0.003, 1)
+            for name in fading.SHAPES
+        }
+        at_contact = sizes["lasting"].at_contact
+        assert sizes["lasting"].average == pytest.approx(at_contact)
+        for name, found in sizes.items():
+            assert found.at_contact == pytest.approx(at_contact)
+            assert (found.average < 0.6 * at_contact) == (name != "lasting")
+
+
+def test_shapes_have_the_slope_one_at_zero_and_that_of_their_derivative():
+    delays = np.array([1e-6, 0.3, 0.8, 2.5])
+    for function, derivative in fading.SHAPES.values():
+        slope = (function(delays + 1e-7) - function(delays - 1e-7)) / 2e-7
+        assert slope == pytest.approx(derivative(delays), rel=1e-4)
+        assert slope[0] == pytest.approx(1.0, rel=1e-4)

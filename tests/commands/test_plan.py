@@ -15,6 +15,7 @@ PILOT = {
     "n_landings": 1000,
     "n_feet": 3,
     "power": 0.8,
+    "margin": 0.2,
     "effect": {"detectable": 0.2, "allowed": 0.1},
 }
 
@@ -43,7 +44,8 @@ def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     apart = PILOT | {"effect": {"detectable": 0.4, "allowed": 0.22}}
     assert main(["plan", written(tmp_path, apart)]) == 0
     rows = capsys.readouterr().out.splitlines()[3:]
-    assert [row.split("%")[0].strip() for row in rows] == [
+    assert rows[-1].startswith("the margin, 20 %, is within the 22 %")
+    assert [row.split("%")[0].strip() for row in rows[:-2]] == [
         "25",
         "27",
         "32",
@@ -54,6 +56,20 @@ def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     ]
     assert main(["plan", written(tmp_path, apart), "--difference", "0.2"]) == 1
     assert "above 0.22, as much as smooth terms may leave" in capsys.readouterr().err
+
+
+def test_the_margin_is_in_the_plan(tmp_path, capsys):
+    odd = PILOT | {"margin": 0.17}
+    assert main(["plan", written(tmp_path, odd)]) == 0
+    assert "17 %     2,000" in capsys.readouterr().out  # 60 + 940 (0.1 / 0.07)^2
+
+
+def test_a_pilot_that_saturates_promises_no_number(tmp_path, capsys):
+    spent = {"saturates": True, "effect": {"detectable": 0.2, "allowed": 0.1}}
+    assert main(["plan", written(tmp_path, PILOT | spent)]) == 1
+    told = capsys.readouterr()
+    assert "So no number of landings can be promised" in told.err
+    assert "landings" not in told.out
 
 
 def test_a_small_pilot_is_planned_by_the_landings_that_a_large_study_uses(

@@ -185,7 +185,8 @@ SIMULATION = {
     ),
     "scene: a name misspelt": (
         "simulation: {scene: hoper}",
-        f"7: simulation.scene: expected one of {SCENE_NAMES}, found 'hoper'; "
+        f"7: simulation.scene: expected one of {SCENE_NAMES}, or MODULE:CLASS, found "
+        "'hoper'; "
         "did you mean 'hopper'?",
     ),
     "scene: the parameters of another": (

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from hopdata.config.consistency import files_of, simulation_of
-from hopdata.config.loading import load_config, read_yaml
+from hopdata.config.loading import load_config, read_yaml, what_is_set
 from hopdata.config.schema import in_words, load_schema
 from hopdata.errors import ConfigError
 from hopdata.scenes import SCENES, scene_class
@@ -695,3 +695,28 @@ def test_a_value_that_does_not_fit_its_tag_is_told_with_its_line(tmp_path, value
         read_yaml(file)
     file.write_text("study: a\nseed: !!int 3\nday: !!timestamp 2020-01-02\n")
     assert read_yaml(file)["seed"] == 3
+
+
+CONFIGS = sorted((ROOT / "config").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", CONFIGS, ids=[file.stem for file in CONFIGS])
+def test_what_is_set_makes_the_whole_configuration_again(file):
+    if file.stem == "group":
+        pytest.skip("a table of studies")
+    config = load_config(file, check_files=False)
+    kept = what_is_set(config)
+    assert load_config(kept, check_files=False) == config
+    assert {"study", "recordings", "markers"} <= {*kept}
+    assert "steering" not in kept
+    lines = yaml.safe_dump(kept).count("\n")
+    assert lines < yaml.safe_dump(config).count("\n") / 3
+
+
+def test_a_key_with_its_default_is_not_set():
+    config = load_config(ROOT / "config" / "config.yaml", check_files=False)
+    default = config["verdict"]["margin"]
+    config["verdict"]["margin"] = default / 2
+    assert what_is_set(config)["verdict"] == {"margin": default / 2}
+    config["verdict"]["margin"] = default
+    assert "verdict" not in what_is_set(config)

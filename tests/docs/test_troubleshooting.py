@@ -66,7 +66,7 @@ def test_an_unknown_name_is_noticed(page):
 
 def keys_of(text):
     """Return the keys of verdict.json that a page names."""
-    block = r"`((?:effect|so_far)\.\w+|landings_needed|n_landings|foretold|posture)`"
+    block = r"`((?:effect|preliminary)\.\w+|landings_needed|n_landings|contacts_r2|posture)`"
     return set(re.findall(block, text))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from hopdata.figures import style
 from hopdata.figures.contacts import landings_figure, spread_figure
 from hopdata.figures.maps import CASES
 from hopdata.figures.one_or_own import one_or_own_figure
@@ -118,3 +119,14 @@ def test_the_same_foot_has_the_same_colour_in_each_figure():
         if tuple(line.get_xdata()) == (0.8,) and line.get_ydata()[0] == 0
     ]
     assert first.get_color() == second, "toe is the second foot and touches first"
+
+
+@pytest.mark.parametrize("package", ["", "steering", "dissertation"])
+def test_a_foot_colour_is_taken_by_the_number_of_a_foot_only(package):
+    """By its name it would mean something else in some figure."""
+    folder = Path(style.__file__).parents[1] / package / "figures"
+    names = "BLUE|GREEN|PURPLE|SKY|ORANGE|VERMILION"
+    sources = [file for file in folder.glob("*.py") if file.name != "style.py"]
+    assert len(sources) > 2
+    for file in sources:
+        assert re.findall(rf"style\.({names})\b", file.read_text("utf-8")) == []

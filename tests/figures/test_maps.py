@@ -1,5 +1,6 @@
 import numpy as np
 import pandas as pd
+import pytest
 from overlaps import text_faults
 
 from hopdata.figures.maps import (
@@ -27,6 +28,15 @@ FOUND = {"printed": TRUE + 0.2, "ols": TRUE + 0.2, "corrected_curved": TRUE - 0.
 ESTIMATES = pd.concat([table(m).assign(estimator=name) for name, m in FOUND.items()])
 
 
+def noise_removed(share):
+    """Return what is used of ``map_estimates.json``."""
+    corrected = {"corrected_curved": {"noise_removed": share}}
+    return {"maps": corrected, "n_landings": 1622}
+
+
+ALL_REMOVED = noise_removed(1.0)
+
+
 def images(figure):
     panels = [axes for axes in figure.axes if axes.images]
     return [(axes.get_title(loc="left"), axes.images[0]) for axes in panels]
@@ -37,14 +47,14 @@ def test_cells_that_noise_explains_are_grey():
     found = ESTIMATES.assign(standard_error=1e-9)
     bad = (found["input"] == "pitch_rad") & (found["output"] == "turn_rad")
     found.loc[bad, "standard_error"] = 10.0
-    for _, image in images(matrices_figure(found)):
+    for _, image in images(matrices_figure(found, ALL_REMOVED)):
         mask = np.ma.getmaskarray(image.get_array())
         assert mask[list(OUTPUTS).index("turn_rad"), list(INPUTS).index("pitch_rad")]
         assert mask.sum() == 1
 
 
 def test_maps_and_differences_side_by_side():
-    figure = matrices_figure(ESTIMATES, table(TRUE))
+    figure = matrices_figure(ESTIMATES, ALL_REMOVED, table(TRUE))
     shown = images(figure)
     expected = (
         TRUE,
@@ -63,8 +73,32 @@ def test_maps_and_differences_side_by_side():
     assert text_faults(figure) == []
 
 
+@pytest.mark.parametrize(
+    ("share", "title"),
+    [
+        (1.0, "noise and curvature\ncorrected"),
+        (0.113, "curvature and 11 %\nof noise corrected"),
+        (0.0, "curvature\ncorrected"),
+    ],
+)
+def test_the_corrected_map_says_for_what_it_was_corrected(share, title):
+    figure = matrices_figure(ESTIMATES, noise_removed(share), table(TRUE))
+    assert images(figure)[2][0] == title
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert "maps (mm per sd of the input), 1,622 landings" in labels
+    assert text_faults(figure) == []
+
+
+def test_a_bent_line_tells_where_its_slope_goes():
+    bent = table_scaling_study(("hopper",))
+    bent["pooled_rms"] = SCALES**2 / (1 + 3 * SCALES)
+    figure = scaling_study_figure(bent.assign(slope=1.73))
+    (label,) = (text.get_text() for text in figure.legends[0].get_texts())
+    assert label == "hopper, slope 1.73, at the end 1.79"
+
+
 def test_without_an_exact_map_the_estimates_are_compared():
-    figure = matrices_figure(ESTIMATES)
+    figure = matrices_figure(ESTIMATES, ALL_REMOVED)
     shown = images(figure)
     assert len(shown) == 3
     np.testing.assert_allclose(shown[2][1].get_array(), 0.25, atol=1e-12)
@@ -72,7 +106,9 @@ def test_without_an_exact_map_the_estimates_are_compared():
 
 
 def test_maps_that_were_not_estimated_are_said_to_be_missing():
-    (text,) = matrices_figure(ESTIMATES[ESTIMATES["estimator"] == "printed"]).texts
+    (text,) = matrices_figure(
+        ESTIMATES[ESTIMATES["estimator"] == "printed"], ALL_REMOVED
+    ).texts
     assert "too few landings" in text.get_text()
 
 
@@ -111,8 +147,8 @@ def test_three_panels_with_a_line_a_case():
     assert len(third.lines) == 4 + 3, "the exact differences of the controls"
     assert text_faults(figure) == []
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels[0] == "hopper, slope 2.00"
-    assert labels[1] == "coupled forces, κ = 0.2\nslope 1.00"
+    assert labels[0] == "hopper, slope 2.00, at the end 2.00"
+    assert labels[1] == "coupled forces, κ = 0.2\nslope 1.00, at the end 1.00"
 
 
 def test_a_case_without_landings_is_named():

@@ -115,7 +115,7 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(
 def test_sentences_are_left_to_the_caption():
     """A figure of a paper has none below its axes, whatever is known."""
     plain = verdict_figure(verdict(), touchdowns())
-    told = verdict_figure(verdict(**SAID, mainly="feet 1 and 2"), touchdowns())
+    told = verdict_figure(verdict(**SAID, main_contrast="feet 1 and 2"), touchdowns())
     assert plain.get_supxlabel() == told.get_supxlabel() == ""
     for one, other in zip(plain.axes, told.axes, strict=True):
         assert texts(one) == texts(other)
@@ -123,7 +123,7 @@ def test_sentences_are_left_to_the_caption():
 
 
 SAID = {
-    "foretold": 0.971,
+    "contacts_r2": 0.971,
     "holds_from": 0.0073,
     "contact_spread": 0.01,
     "messages": {"outlook": {"values": {"asked": "20 %", "number": "1,100"}}},

@@ -1,6 +1,7 @@
 """Every page in a browser, all at once: accessible, as wide as its window, nothing cut."""
 
 import html
+import io
 import json
 import re
 import subprocess
@@ -15,6 +16,8 @@ from hopdata.bundled import SNAKEFILE
 from hopdata.commands.contacts_page import contacts_html
 from hopdata.commands.inspect import inspection_html
 from hopdata.contact_times import contacts
+from hopdata.figures import style
+from hopdata.figures.verdict import group_figure
 from hopdata.group import put_together
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.raw import RawRecording
@@ -31,6 +34,8 @@ addEventListener("load", async () => {
   document.querySelectorAll("details").forEach((fold) => (fold.open = true));
   const found = { told, width: innerWidth, wide: document.documentElement.scrollWidth,
     cut: [...document.querySelectorAll(".picture")].filter((one) => one.scrollWidth > one.clientWidth + 1).length,
+    scale: Math.min(...[...document.querySelectorAll(".picture img[src*=svg]")].map((one) =>
+      0.75 * one.clientWidth / parseFloat(one.style.getPropertyValue("--paper")))),
     dark: getComputedStyle(document.body).backgroundColor };
   const buttons = document.querySelectorAll("#leave-out button");
   if (buttons.length) buttons[0].click();
@@ -52,7 +57,10 @@ addEventListener("load", async () => {
 def group_page(number, **options):
     group = put_together(made_up(number), GROUP)
     caption = (SNAKEFILE.parent / "workflow/captions/group.md").read_text("utf-8")
-    figure = ReportFigure("group", two_panels(), "image/svg+xml", caption)
+    drawn = io.BytesIO()
+    with style.style_context():
+        group_figure(group).savefig(drawn, format="svg")
+    figure = ReportFigure("group", drawn.getvalue(), "image/svg+xml", caption)
     return build_group_page(group, [figure], **options)
 
 
@@ -126,6 +134,8 @@ def test_every_page_in_a_browser(pages, width, dark, tmp_path):
         assert found.width == width
         assert found.wide <= width, f"{name} is wider than its window"
         assert found.cut == 0, f"{name}: a figure is cut"
+        # Letters of 7 points are not smaller than 5.6, or 7.5 pixels.
+        assert found.scale is None or found.scale > 0.78, f"{name}: letters shrink"
         if "<script" in pages[name]:  # without one, every block is a stop
             said = f"{name}: the tab key stops where nothing scrolls"
             assert found.idle_stops == 0, said

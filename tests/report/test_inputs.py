@@ -141,8 +141,8 @@ def test_the_caption_of_the_verdict_says_what_is_drawn():
 
 def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
     told = {
-        "foretold": 0.971,
-        "mainly": "most of all: feet 1 and 2",
+        "contacts_r2": 0.971,
+        "main_contrast": "most of all: feet 1 and 2",
         "gross_errors": {"outcome_far_off": [1522], "state_far_off": [3, 1522]},
         "messages": {"outlook": {"values": {"asked": "20 %", "number": "1,100"}}},
     }
@@ -152,11 +152,12 @@ def test_the_caption_of_the_verdict_says_what_its_plots_do_not_show():
         paragraphs = render_caption(captions()["verdict"], facts, name="v").paragraphs
         shown[name] = " ".join(paragraphs).replace("\u00a0", " ")
     assert (
-        "Compared: 6 contact orders in 986 landings; those left out that are like none "
-        "of the others: 2; 97.1 % of their contact order is foretold. Most of all: feet "
+        "Compared: 6 contact orders in 986 landings judged, fitted to the 700 with the "
+        "contacts closest together; used, but not judged, since like none of the "
+        "others: 2; 97.1 % of their contact order is foretold. Most of all: feet "
         "1 and 2. Landings needed to see 20 %: about 1,100."
     ) in shown["more"]
-    assert "Compared: 6 contact orders in 986 landings." in shown["plain"]
+    assert "with the contacts closest together." in shown["plain"]
     assert "needed" not in shown["plain"]
     assert "(b) The 6 orders in" in shown["plain"]
 
@@ -198,7 +199,7 @@ def test_the_caption_of_the_scaling_study_gives_its_slopes():
     }
     facts = study_facts(ReportInputs("study", truth=truth))
     caption = render_caption(captions()["scaling_study"], facts, name="scaling_study")
-    assert "itself (slopes hopper 1.95, delay 1.20). (b)" in caption.paragraphs[0]
+    assert "Over all scales: hopper 1.95, delay 1.20." in " ".join(caption.paragraphs)
 
 
 # The policy of pages.

@@ -49,7 +49,7 @@ def test_a_study_without_a_size_claims_no_analysis():
     alone = no_answer() | {
         "n_landings": 42,
         "n_window": 0,
-        "so_far": {"orders": orders, "least_landings": 150},
+        "preliminary": {"orders": orders, "least_landings": 150},
     }
     found = of(full_study(verdict=alone))
     for never_made in ("Bends of this map", "flips", "judged", "intervals"):
@@ -58,8 +58,8 @@ def test_a_study_without_a_size_claims_no_analysis():
     assert "in one order only" in found.text
     keys = {*re.findall(r"@\w+\{(\w+),", found.bibtex)}
     assert keys <= PACKAGES | {"hopdata"}
-    two = alone["so_far"] | {"orders": [*orders, {"order": "1", "landings": 9}]}
-    assert "one order" not in of(full_study(verdict=alone | {"so_far": two})).text
+    two = alone["preliminary"] | {"orders": [*orders, {"order": "1", "landings": 9}]}
+    assert "one order" not in of(full_study(verdict=alone | {"preliminary": two})).text
 
 
 def test_it_says_how_many_landings_were_fitted():

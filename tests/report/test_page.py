@@ -479,3 +479,17 @@ def test_the_caption_says_which_rule_chose_and_what_it_holds():
         assert ("chosen by the printed rule" in text) == (name == "printed")
         assert "pre section 100\u00a0% of the landings" in text
         assert "the post section 97\u00a0%." in text
+
+
+def test_the_page_shows_what_the_study_sets_or_all_keys_if_that_is_not_known():
+    lines = build_report(full_study(settings={"study": "sample"}))
+    assert "what this study sets" in lines
+    assert "degree: 3" not in lines
+    whole = build_report(full_study())
+    assert "degree: 3" in whole
+    assert "what this study sets" not in whole
+
+
+def test_the_truth_about_figures_that_are_not_shown_is_not_shown():
+    assert "Whether near &lt; all &lt; far" not in build_report(full_study())
+    assert "Whether near &lt; all &lt; far" in build_report(printed_study())

@@ -3,10 +3,13 @@ import pytest
 from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
+from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.messages import Message
 from hopdata.report.page import build_report
 from hopdata.report.verdict import (
+    SATURATES_BELOW,
     answer,
+    contacts_told,
     meaning,
     one_or_own_table,
     orders_table,
@@ -109,9 +112,12 @@ def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings()
 
     over = verdict()["effect"] | {"estimate": 0.21, "low": 0.12, "high": 0.31}
     found = {"conclusion": "different", "saturates": True, "effect_over_landings": over}
+    found["effect"] = over | {"high": None, "upper_bound": None}
     page = Page(build_report(full_study(verdict=verdict(**reach | found))))
     assert "over the landings of this study it is 21 (12 to 31) %." in page.text
     assert "The bar is of the simultaneous contact." in page.text
+    assert "at least 12 %" in page.text.replace("\u00a0", " ")
+    assert "no upper end can be given" in page.text
     assert "6.5 ms" not in page.text
 
     jump = {"decided_by": "jump", "jump": verdict()["effect"]}
@@ -136,7 +142,7 @@ def test_which_orders_differ_is_said_and_tabled():
     assert "Which orders differ: most of all: landings with foot 1 first." in page.text
     row = "two maps 1 → 2 and 2 → 1 31, 47 40.0 20.0 50.0 0.0005"
     assert row in page.text
-    for assumed in ("max T over 1999 random sign", "Up to 10 % is no evidence"):
+    for assumed in ("max T over 1999 random sign", "up to 10 % in one of these rows"):
         assert assumed in page.text.replace("\u00a0", " ")
     assert "Which orders differ:" not in Page(build_report(full_study())).text
     named = touchdowns().assign(contact_toe_s=0.0, contact_heel_s=0.0)
@@ -164,7 +170,7 @@ def test_a_verdict_of_this_version_is_worded_anew():
     message = {"outlook": {"code": said.code, "values": said.values}}
     assert worded(verdict(messages=message), "outlook") == said
     assert worded(verdict(), "outlook") == verdict()["outlook"]
-    assert worded(verdict(), "mainly") == ""
+    assert worded(verdict(), "main_contrast") == ""
 
 
 def test_rows_above_the_bound_of_the_answer_are_explained():
@@ -263,16 +269,41 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     assert answer(verdict()) == [verdict()["sentence"]]
 
 
-def test_what_an_extrapolated_difference_leaves_open_stands_apart():
+def test_what_holds_at_the_contact_stands_apart():
     values = {"compared": "6 contact orders", "size": "70 %", "where": ""}
-    values |= {"low": "42 %", "high": "120 %", "confidence": "95 %"}
+    values |= {"low": "42 %", "high": "90 %", "confidence": "95 %"}
     different = {"code": "maps.different", "values": values}
-    extrapolated = {"code": "maps.extrapolated", "values": {}}
-    parts = {"different": different, "reservation": extrapolated}
+    no_upper_end = {"code": "maps.no_upper_end", "values": {"low": "42 %"}}
+    parts = {"different": different, "reservation": no_upper_end}
     message = {"code": "maps.different_reserved", "values": parts}
     said, reservation = answer(verdict(messages={"sentence": message}))
-    assert str(said).endswith("interval 42 % to 120 %).")
-    assert str(reservation).startswith("Reservation: this is the size")
+    assert str(said).endswith("interval 42 % to 90 %).")
+    assert str(reservation).startswith("Where all feet touch at once it is at least 42")
+
+    # A reservation of another version has no template: the sentence is all there is.
+    parts["reservation"] = {"code": "maps.of_another_version", "values": {}}
+    assert answer(verdict(messages={"sentence": message})) == [verdict()["sentence"]]
+
+
+def test_a_small_p_value_without_saturation_is_explained():
+    effect = verdict()["effect"] | {"allowed": 0.1}
+    small = {"effect": effect, "saturates": False, "saturation_p_value": 0.0005}
+    told = [str(one) for one in reach(verdict(**small))]
+    assert any("p = 0.0005, and yet" in one and "10" in one for one in told)
+    assert SATURATES_BELOW == LEVEL
+    for other in ({"saturation_p_value": 0.02}, {"decided_by": "jump", "jump": effect}):
+        told = [str(one) for one in reach(verdict(**small | other))]
+        assert not any("and yet" in one for one in told)
+
+
+def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():
+    known = verdict(conclusion="different", contact_spread=0.0112)
+    said, scale = answer(known)
+    assert said == known["sentence"]
+    assert "lie 11 ms apart" in str(scale).replace("\u00a0", " ")
+    assert answer(verdict(contact_spread=0.0112)) == [verdict()["sentence"]]
+    jump = {"decided_by": "jump", "jump": verdict()["effect"]}
+    assert answer(known | jump) == [known["sentence"]]
 
 
 def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
@@ -280,3 +311,18 @@ def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}
     facts = verdict_facts({**one, "effect": {**one["effect"], **wide}})
     assert facts["difference"] == "70 (42 to 120)\u00a0%"
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        ("foretold", "How the contacts vary is foretold to 99 % before the landing."),
+        ("states", ""),
+    ],
+)
+def test_orders_that_a_figure_shows_are_not_listed_in_a_sentence(code, told):
+    values = {"orders": "heel → toe (27), toe → heel (23)", "share": "99 %"}
+    known = {"messages": {"contacts": {"code": f"maps.so_far_{code}"}}}
+    known["messages"]["contacts"]["values"] = values
+    assert str(contacts_told(known)) == told
+    assert contacts_told({"contacts": "as written"}) == "as written"

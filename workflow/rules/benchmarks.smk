@@ -39,7 +39,12 @@ BENCHMARK_TABLES = {
         "verdict_campaign_studies.csv",
         "verdict_campaign_detectable.csv",
     ],
-    "verdict_growth": ["verdict_growth.csv", "verdict_growth_studies.csv"],
+    "verdict_growth": [
+        "verdict_growth.csv",
+        "verdict_growth_studies.csv",
+        "verdict_shapes.csv",
+        "verdict_shapes_studies.csv",
+    ],
     "verdict_groups": ["verdict_groups.csv", "verdict_groups_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],

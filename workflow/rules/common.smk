@@ -13,7 +13,7 @@ from hopdata.config.loading import load_config
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
 from hopdata.figures.catalogue import FIGURES as CATALOGUE, OF_DISTANCES, source_of, tables_of
-from hopdata.provenance import code_digest, stage_digest
+from hopdata.provenance import code_digest, own_code, stage_digest
 
 # Snakemake writes Python's path unquoted into the shell command of each script.
 if re.search(r"[\s'\"()&;]", sys.executable):
@@ -46,6 +46,9 @@ LABELLED_BY = METHODS if TRUTH_KNOWN else [METHOD]
 # Whether the study asks for constraint subspaces and their distances (Fig. 2.5).
 DISTANCES = STUDY["distances"]["enabled"]
 SIMULATED = consistency.is_simulated(STUDY)
+# Digests of the files of the user's scene, and the scripts that call it.
+OWN_CODE = own_code(STUDY)
+OF_SCENES = ("scaling_study", "true_sections")
 # Contacts known from other sources or marked in its own file, for the recordings that have any.
 EXTERNAL = consistency.external_blocks(STUDY)
 # Whether short gaps of the body are filled.
@@ -94,9 +97,12 @@ def source_stamps(wildcards):
 def stage_code(name):
     """Return a function that digests a stage: its text, and the library code that it uses.
 
-    See `code`. Other stages in the same file do not count.
+    See `code`. Other stages in the same file do not count. A scene in the working folder counts in
+    the stage that simulates it.
     """
     digest = cache(lambda: stage_digest(*stages.LINE.sources(name), script=SCRIPTS / "stage.py"))
+    if name == "simulate" and OWN_CODE:
+        return lambda wildcards: [digest(), OWN_CODE]
     return lambda wildcards: digest()
 
 
@@ -107,6 +113,8 @@ def code(script, *modules, folder=SCRIPTS):
     once for all of them, because reading all the code takes a second.
     """
     digests = cache(lambda: [code_digest(path) for path in (folder / f"{script}.py", *modules)])
+    if script in OF_SCENES and OWN_CODE:
+        return lambda wildcards: [*digests(), OWN_CODE]
     return lambda wildcards: digests()
 
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from hopdata.config.loading import what_is_set
 from hopdata.jobs import read_json, read_table, reported, whole_file, write_json
 from hopdata.provenance import provenance
 from hopdata.recordings.readers.hdf5 import read_recording
@@ -51,6 +52,7 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
             faults=read_table(source.faults),
             remarks=read_table(source.remarks),
             one_or_own=read_table(source.one_or_own),
+            settings=what_is_set(config),
             notes=notes,
         )
     )

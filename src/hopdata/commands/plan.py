@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hopdata.analysis import planned
+from hopdata.analysis import planned, require_lasting
 from hopdata.commands import answers
 from hopdata.commands.terminal import OK, print_table
 from hopdata.commands.values import require_number, values_of
 from hopdata.commands.workflow import run_workflow
 from hopdata.errors import ConfigError
+from hopdata.foreign.texts import json_of
 
 
 def plan(options: argparse.Namespace) -> int:
@@ -22,8 +23,8 @@ def plan(options: argparse.Namespace) -> int:
     file = options.pilot
     if file.suffix in (".yaml", ".yml"):
         file = _verdict_of(file)
-    landings, feet, power, effect = values_of(
-        file, "verdict.json", "n_landings", "n_feet", "power", "effect"
+    landings, feet, power, margin, effect = values_of(
+        file, "verdict.json", "n_landings", "n_feet", "power", "margin", "effect"
     )
     if effect is None:
         sentence = values_of(file, "verdict.json", "sentence")[0]
@@ -35,10 +36,15 @@ def plan(options: argparse.Namespace) -> int:
     landings = int(require_number(file, "n_landings", landings))
     require_number(file, "n_feet", feet)
     require_number(file, "power", power)
+    margin = require_number(file, "margin", margin)
+    # Verdicts of older versions do not tell it.
+    saturates = json_of(file, wanted="a verdict.json").get("saturates", False)
+    require_lasting(saturates=bool(saturates))
     detectable, allowed, detectable_nearest, allowed_nearest = _sizes(file, effect)
     found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
-    asked = {*planned(min(allowed, allowed_nearest))}
+    least = min(allowed, allowed_nearest)
+    asked = {*planned(least, margin)}
     if options.difference is not None:
         asked.add(options.difference)
     needed = {
@@ -54,6 +60,9 @@ def plan(options: argparse.Namespace) -> int:
         for difference in sorted(asked)
     }
     _print_needed(needed)
+    if margin <= least:
+        of_margin = f"the margin, {100 * margin:g} %, is within the {100 * least:.2g} %"
+        print(f"\n{of_margin} that smooth terms may leave: no number shows it")
     answers.give(
         pilot={
             "file": file,

@@ -19,8 +19,10 @@ from hopdata.config.consistency import (
 from hopdata.config.schema import default_of, describe, dotted, load_schema
 from hopdata.errors import ConfigError
 from hopdata.foreign.texts import is_absent, text_of
+from hopdata.foreign.working_folder import is_own, say
 from hopdata.foreign.yaml_texts import loaded, root_node
 from hopdata.scenes import SCENES, STANDARD
+from hopdata.scenes.own import handed_over
 
 # Keys and indices that lead to a value.
 KeyPath = tuple[str | int, ...]
@@ -201,7 +203,13 @@ def load_config(
         wanted = "keys with values, as 'hopdata init' writes them"
         raise ConfigError.at(place, wanted, found)
     content = _with_simulated(content)
-    schema = load_schema(_scene_of(content))
+    scene = _scene_of(content)
+    try:
+        schema = load_schema(scene)
+    except ConfigError as error:
+        if is_own(scene):
+            _raise_all(place, origins, [str(line) for line in error.args])
+        raise
     try:
         printed = is_printed(content)
         config: dict[str, Any] = _with_defaults(content, schema, printed=printed)
@@ -247,9 +255,30 @@ def _scene_of(content: Mapping[str, Any]) -> str:
     if not isinstance(simulation, Mapping):
         return STANDARD
     name = simulation.get("scene", STANDARD)
-    if isinstance(name, str) and name in SCENES:
+    if isinstance(name, str) and (name in SCENES or is_own(name)):
         return name
     return STANDARD
+
+
+def scene_said(scene: object) -> tuple[str, dict[str, Any]]:
+    """Return the name of a scene that a program has given, and the keys of its block.
+
+    A name MODULE:CLASS counts as said: its code may run.
+
+    Parameters
+    ----------
+    scene : str or Scene
+
+    Raises
+    ------
+    ArgumentError
+        If it is neither.
+    """
+    if not isinstance(scene, str):
+        return handed_over(scene, SCENES)
+    if is_own(scene):
+        say(scene)
+    return scene, {}
 
 
 def is_printed(content: Mapping[str, Any]) -> bool:
@@ -282,6 +311,44 @@ def _section_with_defaults(
             default = deepcopy(default_of(inner, printed=printed))
             filled[key] = _with_defaults(default, inner, printed=printed)
     return filled
+
+
+def what_is_set(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keys of a whole configuration that differ from their defaults.
+
+    `load_config` makes the whole configuration of them again.
+
+    Parameters
+    ----------
+    config : mapping
+        A configuration from `load_config`.
+    """
+    schema = load_schema(_scene_of(config))
+    return _section_without_defaults(config, schema, printed=is_printed(config))
+
+
+def _section_without_defaults(
+    section: Mapping[str, Any], schema: dict[str, Any], *, printed: bool
+) -> dict[str, Any]:
+    properties = schema.get("properties", {})
+    kept = {}
+    for key, value in section.items():
+        inner = properties.get(key, {})
+        if "default" in inner:
+            default = deepcopy(default_of(inner, printed=printed))
+            if value == _with_defaults(default, inner, printed=printed):
+                continue
+        kept[key] = _without_defaults(value, inner, printed=printed)
+    return kept
+
+
+def _without_defaults(value: Any, schema: dict[str, Any], *, printed: bool) -> Any:
+    if isinstance(value, Mapping):
+        return _section_without_defaults(value, schema, printed=printed)
+    if isinstance(value, list):
+        items = schema.get("items", {})
+        return [_without_defaults(entry, items, printed=printed) for entry in value]
+    return value
 
 
 _POWER_OF_TEN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")

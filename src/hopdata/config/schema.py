@@ -17,6 +17,7 @@ import yaml
 
 from hopdata import products
 from hopdata.errors import did_you_mean, require
+from hopdata.foreign.working_folder import is_own
 from hopdata.scenes import SCENES, STANDARD, blamed_scene, scene_class
 
 if TYPE_CHECKING:
@@ -44,9 +45,20 @@ _BOUNDS = {
 }
 
 
-@cache
 def load_schema(scene: str = STANDARD) -> dict[str, Any]:
     """Return the JSON schema with the keys of a scene; do not modify it."""
+    if is_own(scene):
+        # Its class may be another one the next time, in a notebook.
+        return _schema_with(scene)
+    return _known_schema(scene)
+
+
+@cache
+def _known_schema(scene: str) -> dict[str, Any]:
+    return _schema_with(scene)
+
+
+def _schema_with(scene: str) -> dict[str, Any]:
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     text = SCHEMA_FILE.read_text(encoding="utf-8")
     schema: dict[str, Any] = yaml.load(text, Loader=loader)
@@ -59,6 +71,8 @@ def load_schema(scene: str = STANDARD) -> dict[str, Any]:
         del simulation[STANDARD]
         with blamed_scene(scene):
             simulation[scene] = _scene_block(scene)
+    if is_own(scene):
+        simulation["scene"]["enum"].append(scene)
     return schema
 
 
@@ -142,7 +156,8 @@ def in_words(schema: dict[str, Any]) -> str:
         Schema of one key.
     """
     if "enum" in schema:
-        return "one of " + ", ".join(f"'{choice}'" for choice in schema["enum"])
+        words = "one of " + ", ".join(f"'{choice}'" for choice in schema["enum"])
+        return words + schema.get("x-also", "")
     types = _types_of(schema, otherwise="object")
     words = " or ".join(_TYPES[kind] for kind in types if kind != "null")
     words += _items_in_words(schema)

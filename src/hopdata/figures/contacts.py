@@ -59,7 +59,7 @@ def landings_figure(
         that it loads.
     """
     if not len(orders):
-        return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
+        return style.message_figure(NOTHING, width_mm=style.WIDEST_PANEL_MM)
     n_rows = -(-len(orders) // COLUMNS)
     height_mm = FRAME_MM + CELL_MM * n_rows
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
@@ -86,10 +86,11 @@ def landings_figure(
         cell.set_title(_title(name, chain, order))
         if _is_unsure(order):
             cell.spines[:].set(visible=True, linestyle=UNSURE_FRAME, linewidth=1.0)
-    last_row = len(orders) - COLUMNS
-    for place, cell in enumerate(cells[: len(orders)]):
-        if place >= last_row:
-            cell.tick_params(labelbottom=True)
+    shown = cells[: len(orders)]
+    for cell in shown[max(0, len(orders) - COLUMNS) :]:
+        cell.tick_params(labelbottom=True)
+    for cell in shown[COLUMNS // 2 :: COLUMNS]:  # a narrow page begins a grid here
+        cell.tick_params(labelleft=True)
     below = "time from the first contact (ms)"
     if of_landings is not None and of_landings > len(orders):
         below += f"; the first {len(orders)} of {of_landings} landings"
@@ -191,7 +192,7 @@ def spread_figure(
     ordered = orders[orders["probability"].notna()]
     if not len(ordered):
         return style.message_figure(
-            "No two feet landed together.", width_mm=style.DOUBLE_COLUMN_MM
+            "No two feet landed together.", width_mm=style.WIDEST_PANEL_MM
         )
     keys = ["recording", "landing"]
     place = ordered.assign(place=np.arange(1, len(ordered) + 1))[
@@ -200,7 +201,7 @@ def spread_figure(
     shown = contacts[contacts["found"]].merge(place, on=keys)
     first_s = shown.groupby("place")["contact_s"].transform("min")
     shown = shown.assign(after_ms=MS_PER_S * (shown["contact_s"] - first_s))
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, 60.0)
     axes = figure.subplots()
     is_sure = shown["sure"].astype(bool)
     size = 2.5 if len(ordered) < 200 else 1.5

@@ -1,6 +1,6 @@
 """The landing map as a picture, and the scaling study."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,9 @@ FIRST_VELOCITY = 5
 
 @style.styled
 def matrices_figure(
-    estimates: pd.DataFrame, exact: pd.DataFrame | None = None
+    estimates: pd.DataFrame,
+    details: Mapping[str, Any],
+    exact: pd.DataFrame | None = None,
 ) -> Figure:
     """Draw maps as images, with 8 input columns and 11 output rows.
 
@@ -48,6 +50,9 @@ def matrices_figure(
         one standard deviation of the input), ``value, standard_error``. ``printed`` and
         ``corrected_curved`` are drawn; cells within `SURE` standard errors of zero are
         grey.
+    details : mapping
+        Contents of ``map_estimates.json``: the number of landings, and how much noise
+        the corrected map allows for.
     exact : DataFrame, optional
         The same without ``estimator``, if the exact map is known.
 
@@ -68,7 +73,7 @@ def matrices_figure(
     best, error = _matrix(tables["corrected_curved"])
     maps = {
         "least squares,\nas printed": _sure(printed, printed_error),
-        "noise and curvature\ncorrected": _sure(best, error),
+        _corrected_for(details): _sure(best, error),
     }
     if exact is None:
         differences = {"printed\nminus corrected": _sure(printed - best, error)}
@@ -81,10 +86,11 @@ def matrices_figure(
         }
     if not any(np.isfinite(matrix).any() for matrix in differences.values()):
         differences = {}  # noise alone explains all of them: the caption says so
+    landings = f"{details['n_landings']:,} landings"
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 82.0)
     panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
     groups = (
-        (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
+        (panels[: len(maps)], maps, f"maps (mm per sd of the input), {landings}"),
         (panels[len(maps) :], differences, "differences\n(mm per sd of the input)"),
     )
     for axes, matrices, label in groups:
@@ -108,6 +114,16 @@ def matrices_figure(
     panels[0].set_ylabel("state after the landing")
     style.letters(panels)
     return figure
+
+
+def _corrected_for(details: Mapping[str, Any]) -> str:
+    """Return what the corrected map of this study was corrected for."""
+    removed = float(details["maps"]["corrected_curved"]["noise_removed"])
+    if removed >= 1.0:
+        return "noise and curvature\ncorrected"
+    if removed <= 0.0:
+        return "curvature\ncorrected"
+    return f"curvature and {100 * removed:.2g} %\nof noise corrected"
 
 
 def _largest(matrices: Iterable[FloatArray]) -> float:
@@ -175,7 +191,8 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     Returns
     -------
     Figure
-        (a) Error of the pooled map, with its slope. (b) Its mean square relative to
+        (a) Error of the pooled map, with its slope over all scales, and between the two
+        smallest. (b) Its mean square relative to
         that of the schedules' maps. (c) Largest difference between these maps; dashed,
         between the exact maps.
     """
@@ -190,7 +207,7 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
         axes.set_xticks([], minor=True)
         axes.set(xlabel="scale of the deviations", ylabel=label)
         axes.grid(axis="y", which="major")
-    style.lettered(figure, panels, ncols=len(cases))
+    style.lettered(figure, panels, ncols=min(len(cases), 3))
     _draw_guides(panels[0], table)
     for case in cases:
         exact = float(table.loc[table["case"] == case, "exact_difference"].median())
@@ -211,12 +228,20 @@ def _draw_case(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
     slope = float(rows["slope"].iloc[0])
     fitted = "not between the sections"
     if np.isfinite(slope):
-        fitted = f"slope {slope:.2f}"
+        fitted = f"slope {slope:.2f}, at the end {_last_slope(rows):.2f}"
     size = ""
     if strength:
         size = SYMBOLS[strength].format(rows[strength].iloc[0]) + "\n"
     look: dict[str, Any] = {"marker": marker, "markersize": 3.5, "color": colour}
     axes.loglog(rows["scale"], rows[column], label=f"{name}, {size}{fitted}", **look)
+
+
+def _last_slope(rows: pd.DataFrame) -> float:
+    """Return the slope of the error between the two smallest scales."""
+    two = rows.sort_values("scale").iloc[:2]
+    errors = np.log(two["pooled_rms"].to_numpy(float))
+    scales = np.log(two["scale"].to_numpy(float))
+    return float(np.diff(errors)[0] / np.diff(scales)[0])
 
 
 def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:

@@ -47,7 +47,7 @@ def one_or_own_figure(table: pd.DataFrame) -> Figure:
         landings, which were not fitted, to both sides; the numbers are these medians.
     """
     if table.empty:
-        return style.message_figure(NOTHING_FORETOLD, width_mm=style.DOUBLE_COLUMN_MM)
+        return style.message_figure(NOTHING_FORETOLD, width_mm=style.WIDEST_PANEL_MM)
     parts = [table[table["unit"] == unit] for unit in PANELS]
     parts = [part for part in parts if len(part)]
     columns = min(2, len(parts))

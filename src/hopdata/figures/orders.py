@@ -56,7 +56,7 @@ def orders_figure(
         if parts:
             columns.append(parts)
     if not columns:
-        return style.message_figure(NO_SIZES, width_mm=style.DOUBLE_COLUMN_MM)
+        return style.message_figure(NO_SIZES, width_mm=style.WIDEST_PANEL_MM)
     names: tuple[str, ...] = ()
     if touchdowns is not None:
         names = foot_names(touchdowns.columns)
@@ -97,7 +97,7 @@ def _draw_intervals(
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0.0, 1.04 * top)
     axes.set_xlabel(LABELS[str(rows[0]["of"])])
-    axes.tick_params(axis="y", length=0, pad=4, labelsize=style.pt(6))
+    axes.tick_params(axis="y", length=0, pad=4)
     axes.spines["left"].set_linewidth(1.5)
     axes.grid(axis="x")
 

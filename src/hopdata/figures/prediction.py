@@ -58,7 +58,7 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
         return style.message_figure(
             "No model could be fitted: there are too few touchdowns used."
         )
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 72.0)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, 72.0)
     axes = figure.subplots()
     axes.set_yscale("log")
     axes.set_ylim(_round_limits([rows[name][q] for name in fitted for q in QUANTILES]))
@@ -91,7 +91,7 @@ def _write_share(
     if of_mean > 0:
         text = f"{significant(100 * median / of_mean)} %"
     at = (place + 0.25, median)
-    style.note(axes, text, at, (2.5, 0), va="center", bbox=style.ON_WHITE, fontsize=7)
+    style.note(axes, text, at, (2.5, 0), va="center", bbox=style.ON_WHITE)
 
 
 def _label(
@@ -101,9 +101,9 @@ def _label(
     axes.set_xticks(list(PLACES.values()), ticks)
     axes.tick_params(axis="x", length=0)
     axes.set_xlim(-0.5, max(PLACES.values()) + 0.7)
-    shares = (
-        "; %: of the error of the mean (all)" if _is_fitted(rows.get("mean")) else ""
-    )
+    shares = ""
+    if _is_fitted(rows.get("mean")):
+        shares = "\n%: of the error of the mean (all)"
     axes.set_xlabel(f"model (touchdowns to train / to test in each bootstrap){shares}")
     axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
     # The range is often less than one decade.

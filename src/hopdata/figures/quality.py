@@ -52,7 +52,7 @@ def recording_gaps_figure(
     if rows.empty or not markers["duration_s"].min() > 0:
         return style.message_figure("No marker, or no time, to show.")
     height = LEGEND_MM + BETWEEN_MM * len(rows) + ROW_MM * len(markers)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, height)
     grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
     signs = {}
     for axes, recording in zip(grid, rows.index, strict=True):
@@ -121,6 +121,8 @@ MARKS = "osD^vPX<>"
 # Insides of the marks of the parts, from the first on.
 PART_SHADES = ("white", "#c4c4c4", "#7a7a7a", style.INK)
 MOST_IN_LEGEND = 6
+# Characters of a part's name up to which two stand beside each other.
+SHORT_NAME = 14
 NOTHING = "Nothing to compare the sections with."
 
 
@@ -144,13 +146,16 @@ def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
     """
     rows = max(len(stability) - 1, 2 * drift["quantity"].nunique(), 6)
     if len(stability) < 2 and drift.empty:
-        return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 5.5 * rows)
+        return style.message_figure(NOTHING, width_mm=style.WIDEST_PANEL_MM)
     parts: list[tuple[Any, pd.DataFrame]] = []
     if len(stability) > 1:
         parts.append((_draw_sections, stability))
     if len(drift):
         parts.append((_draw_drift, drift))
+    width_mm = style.WIDEST_PANEL_MM
+    if len(parts) > 1:
+        width_mm = style.DOUBLE_COLUMN_MM
+    figure = style.paper_figure(width_mm, 26.0 + 5.5 * rows)
     panels = figure.subplots(1, len(parts), squeeze=False)[0]
     for axes, (draw, table) in zip(panels, parts, strict=True):
         draw(axes, table)
@@ -213,9 +218,10 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     told = "median of each part minus that of all\n(in spreads between touchdowns)"
     axes.set(xlim=(-reach, reach), xlabel=told)
     if 0 < len(parts) <= MOST_IN_LEGEND:
-        axes.legend(
-            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2)
-        )
+        columns = 1
+        if max(map(len, parts)) <= SHORT_NAME:
+            columns = min(len(parts), 2)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)
 
 
 def _broken(label: str) -> str:

@@ -39,8 +39,8 @@ def heights_figure(
         Role of each marker, as in `hopdata.Recording`.
     """
     if not len(time_s) or not heights_m:
-        return style.message_figure(NOTHING, width_mm=style.DOUBLE_COLUMN_MM)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, HEIGHT_MM)
+        return style.message_figure(NOTHING, width_mm=style.WIDEST_PANEL_MM)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, HEIGHT_MM)
     axes = figure.subplots()
     line: dict[str, Any] = {"linewidth": 0.8, "rasterized": len(time_s) > MANY_FRAMES}
     feet = [name for name in heights_m if roles[name] == "foot"]

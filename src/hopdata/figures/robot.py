@@ -17,6 +17,10 @@ AZIMUTH_DEG = -104.0
 ELEVATION_DEG = 27.0
 AXIS_M = 0.17  # drawn length of an axis of the body
 PLATE_COLOUR = "#d9dee3"
+# Colours mark the feet; the counterweight, and the phases of a leg, have shades.
+WEIGHT_COLOUR = style.SHADE
+LANDING = style.INK
+PUSH_OFF = style.GREY
 FLOOR_COLOUR = "#ece7dd"
 MARKER: dict[str, Any] = {
     "marker": "o",
@@ -103,7 +107,7 @@ def draw_assembly(axes: Axes, sketch: pd.DataFrame) -> None:
     """Draw all parts of a hopper that stands on its rest feet, with their names."""
     draw_body(axes, sketch)
     feet = places(sketch, "foot")
-    below: Any = {"ha": "center", "va": "top", "fontsize": 6.5}
+    below: Any = {"ha": "center", "va": "top"}
     for k, at in enumerate(projected(feet)):
         colour = style.foot_colour(k)
         style.note(axes, f"foot {k + 1}", tuple(at), (0, -5), color=colour, **below)
@@ -175,7 +179,7 @@ def draw_body(
     weight = seen("counterweight")[0]
     _draw_line(axes, centre, weight, color=style.INK, lw=1.6, zorder=5)
     axes.plot(*centre, "s", color=style.INK, ms=4, zorder=5)
-    axes.plot(*weight, "o", color=style.ORANGE, ms=9, mec=style.INK, zorder=5)
+    axes.plot(*weight, "o", color=WEIGHT_COLOUR, ms=9, mec=style.INK, zorder=5)
     axes.plot(*seen("boom marker")[0], ms=3.5, **MARKER)
     axes.plot(*seen(BODY).T, ms=4.5, **MARKER)
 
@@ -205,14 +209,14 @@ def _turn(heading_rad: float) -> FloatArray:
 def _draw_axes(axes: Axes) -> None:
     """Draw the axes of the body at its origin."""
     origin = projected(np.zeros(3))
-    arrow = {"arrowstyle": "-|>", "lw": 0.9, "color": style.VERMILION, "shrinkA": 0}
+    arrow = {"arrowstyle": "-|>", "lw": 0.9, "color": style.INK, "shrinkA": 0}
     tips = projected(AXIS_M * np.eye(3))
     axes.plot(*tips.T, lw=0)  # an arrow beyond the limits would not be drawn
     for name, tip in zip("xyz", tips, strict=True):
         axes.annotate("", tuple(tip), tuple(origin), arrowprops=arrow, zorder=7)
         along = tip - origin
         away = 5 * along / np.linalg.norm(along)
-        look: Any = {"ha": "center", "va": "center", "color": style.VERMILION}
+        look: Any = {"ha": "center", "va": "center", "color": style.INK}
         style.note(axes, name, tuple(tip), tuple(away), zorder=7, **look)
 
 
@@ -223,8 +227,8 @@ def draw_forces(axes: Axes, forces: pd.DataFrame) -> None:
     """Draw the force of a leg over its gap: it jumps to the preload at touchdown."""
     looks = {
         "flight": (style.GREY, "-"),
-        "landing": (style.BLUE, "-"),
-        "push-off": (style.VERMILION, (0, (4, 1.5))),
+        "landing": (LANDING, "-"),
+        "push-off": (PUSH_OFF, (0, (4, 1.5))),
     }
     for phase, (colour, dash) in looks.items():
         rows = forces[forces["phase"] == phase]
@@ -237,8 +241,8 @@ def draw_forces(axes: Axes, forces: pd.DataFrame) -> None:
     release_mm = float(1e3 * longest["gap_m"])
     release_n = float(longest["force_n"])
     drop: Any = {"lw": 0.8, "ls": ":"}
-    axes.plot([0, 0], [0, preload_n], color=style.BLUE, **drop)
-    axes.plot([release_mm] * 2, [0, release_n], color=style.VERMILION, **drop)
+    axes.plot([0, 0], [0, preload_n], color=LANDING, **drop)
+    axes.plot([release_mm] * 2, [0, release_n], color=PUSH_OFF, **drop)
     rise_n = shortest["force_n"] - release_n
     way_m = shortest["gap_m"] - longest["gap_m"]
     slope = -rise_n / way_m
@@ -247,8 +251,8 @@ def draw_forces(axes: Axes, forces: pd.DataFrame) -> None:
         f"push-off, once all legs\nhave stood: lift-off at\n{release_mm:.0f} mm"
     )
     told = [
-        (of_landing, style.BLUE, 0.99),
-        (of_push_off, style.VERMILION, 0.83),
+        (of_landing, LANDING, 0.99),
+        (of_push_off, PUSH_OFF, 0.83),
     ]
     corner: Any = {"textcoords": "axes fraction", "xycoords": "axes fraction"}
     look: Any = {"ha": "right", "va": "top", **corner}
@@ -282,17 +286,17 @@ def draw_boom(axes: Axes, sketch: pd.DataFrame) -> None:
         style.note(axes, str(k + 1), tuple(foot), (5, 4), color=colour)
     axes.plot(*circle.T, **CIRCLE)
     if len(reached):
-        axes.plot(*reached.T, color=style.ORANGE, lw=4, alpha=0.55, zorder=2)
+        axes.plot(*reached.T, color=style.PALE, lw=4, zorder=2)
     _draw_line(axes, centre, weight, color=style.INK, lw=1.6, zorder=3)
     axes.plot(*centre, "s", color=style.INK, ms=4, zorder=3)
-    axes.plot(*weight, "o", color=style.ORANGE, ms=8, mec=style.INK, zorder=4)
-    axes.plot(0, 0, "+", color=style.VERMILION, ms=9, mew=1.2, zorder=5)
+    axes.plot(*weight, "o", color=WEIGHT_COLOUR, ms=8, mec=style.INK, zorder=4)
+    axes.plot(0, 0, "+", color="white", ms=9, mew=1.2, zorder=5)
     beside: Any = {"ha": "left", "va": "center"}
     style.note(axes, "motor", tuple(centre), (5, -7), **beside)
     if np.hypot(*weight) < NEUTRAL_M:
         text = "neutral: counterweight\non the body's axis"
         line = {"arrowstyle": "-", "lw": 0.5, "color": style.GREY}
-        style.note(axes, text, tuple(weight), (12, -52), arrowprops=line, **beside)
+        style.note(axes, text, tuple(weight), (16, -38), arrowprops=line, **beside)
     if len(reached):
         ends = reached[[0, -1]] - centre
         half = 0.5 * _angle_between(ends[0], ends[1])

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopdata.figures import style
-from hopdata.figures.verdict import ANSWERS, ASKED
+from hopdata.figures.verdict import ANSWERS, ASKED, over_landings
 
 # Heights of a histogram, and of what stands around all of them.
 PANEL_MM = 42.0
@@ -35,10 +35,10 @@ def sizes_figure(group: Mapping[str, Any]) -> Figure:
     """
     rows = [row for row in group["members"] if not row["reason"]]
     if not rows:
-        return style.message_figure(group["sentence"], width_mm=style.DOUBLE_COLUMN_MM)
+        return style.message_figure(group["sentence"], width_mm=style.WIDEST_PANEL_MM)
     parts = _by_condition(rows)
     height_mm = PANEL_MM * len(parts) + AROUND_MM
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, height_mm)
     ratios = [PANEL_MM] * len(parts) + [9.0]
     panels = figure.subplots(
         len(ratios), sharex=True, squeeze=False, height_ratios=ratios
@@ -71,7 +71,7 @@ def _by_condition(rows: Sequence[Row]) -> dict[str, list[Row]]:
 def _sizes(rows: Sequence[Row], conclusion: str = "") -> list[float]:
     """Return the sizes in per cent of the studies with this answer, or of all."""
     return [
-        100 * row["estimate"]
+        100 * over_landings(row)["estimate"]
         for row in rows
         if "jump_low" not in row and conclusion in ("", row["conclusion"])
     ]

@@ -76,7 +76,7 @@ def note(
     axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any
 ) -> None:
     """Write a small text `offset` points from a place, with `options` of `annotate`."""
-    size = pt(options.pop("fontsize", 6))
+    size = pt(options.pop("fontsize", TEXT_PT))
     options.setdefault("textcoords", "offset points")
     axes.annotate(text, xy=at, xytext=offset, fontsize=size, **options)
 
@@ -97,6 +97,9 @@ STYLE_FILE = Path(__file__).with_name("hopdata.mplstyle")
 
 SINGLE_COLUMN_MM = 85.0
 DOUBLE_COLUMN_MM = 175.0
+# The widest panel. A narrow window (500 px) stacks panels at their own size, so none of
+# them is cut and no letter shrinks.
+WIDEST_PANEL_MM = 120.0
 MM_PER_INCH = 25.4
 
 # The palette of Okabe and Ito (2008), by name.
@@ -120,6 +123,12 @@ FOOT_COLOURS = (BLUE, GREEN, PURPLE, SKY, ORANGE, VERMILION)
 BETWEEN_SECTIONS = YELLOW
 FOUND = INK
 NOT_FOUND = GREY
+# Methods and cases beside each other have shades, dashes and marks: dark is what is
+# ours or C1, and pale what is printed or not C1. Others stand between and beyond these.
+OURS = INK
+PRINTED = "#949494"
+SHADE = "#5a5a5a"
+PALE = "#bcbcbc"
 # Size and sign of an entry of a map, with white for zero.
 OF_SIGNS = "BrBG"
 MEANINGS = {

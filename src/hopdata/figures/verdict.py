@@ -1,5 +1,6 @@
 """The verdict as a picture: the answer, its certainty, what it means for a landing."""
 
+import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,7 +18,7 @@ ROW_MM = 58.0
 MEMBER_MM = 4.2
 TITLE_MM = 3.0
 # Characters of a line of a reason in words, where there is nothing to draw.
-SAID_WIDTH = 90
+SAID_WIDTH = 76
 SAID_WIDTH_BESIDE = 48
 ASKED = "difference between the maps of the contact orders"
 # Quantity that decides the answer: its axis label.
@@ -64,7 +65,7 @@ def verdict_figure(
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(
-            _said(verdict, SAID_WIDTH), width_mm=style.DOUBLE_COLUMN_MM
+            _said(verdict, SAID_WIDTH), width_mm=style.WIDEST_PANEL_MM
         )
     if verdict.get("effect") is None:
         height_mm = _height_of_orders(touchdowns, 0.0)
@@ -175,10 +176,14 @@ TITLE: dict[str, Any] = {"fontweight": "bold", "loc": "left"}
 
 
 def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
-    """Return the end of what is not excluded: of the interval, or the bound."""
-    if conclusion == "different":
-        return float(effect["high"])
-    return float(effect["upper_bound"])
+    """Return the end of what is not excluded: of the interval, or the bound.
+
+    It is infinite if no upper end can be given.
+    """
+    name = "high" if conclusion == "different" else "upper_bound"
+    if effect[name] is None:
+        return math.inf
+    return float(effect[name])
 
 
 # Rows of the plot of the size, from the axis (0) upwards. Each text has a row of its
@@ -266,7 +271,6 @@ def _write(
         words,
         at,
         shift,
-        fontsize=7,
         bbox=style.ON_WHITE,
         ha=side,
         va="center",
@@ -280,6 +284,10 @@ def in_short(verdict: Mapping[str, Any]) -> str:
     effect = verdict[_decided(verdict)]
     if effect is None:
         return answer
+    if not math.isfinite(_end(verdict["conclusion"], effect)):
+        if verdict["conclusion"] == "different":
+            return f"{answer}: by at least {_percent(effect['low'])}"
+        return f"{answer}: no upper bound"
     bound = _percent(effect["upper_bound"])
     if verdict["conclusion"] == "no difference":
         return f"{answer}: no difference above {bound}"
@@ -367,7 +375,7 @@ def _draw_orders(
     most = int(counts.max()) if rows else 1
     step = FEET_END / max(n_feet, 1)
     has_names = MARK + CHARACTER * max(map(len, names), default=0) < step
-    size: Any = {"fontsize": style.pt(6), "va": "center_baseline"}
+    size: Any = {"va": "center_baseline"}
     for k in range(n_feet):
         axes.text(step * k, -1.0, ORDINALS[k], **size)
     axes.text(BARS[0], -1.0, "landings", **size)
@@ -418,7 +426,13 @@ def _draw_maps(axes: Axes, conclusion: str, rows: int) -> None:
     left, right = LINES
     line: Any = {"color": colour, "linewidth": 0.8}
     if conclusion == "different":
-        axes.text(MAP, -1.0, "own map", fontsize=style.pt(6), ha="center", va="center")
+        axes.text(
+            MAP,
+            -1.0,
+            "own map",
+            ha="center",
+            va="center",
+        )
         for row in range(rows):
             axes.plot([left, MAP], [row, row], **line)
             axes.plot(MAP, row, "s", color=colour, markersize=5)
@@ -446,7 +460,8 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     """
     rows = [row for row in group["members"] if not row["reason"]]
     if not rows:
-        return style.message_figure(group["sentence"], width_mm=style.DOUBLE_COLUMN_MM)
+        return style.message_figure(group["sentence"], width_mm=style.WIDEST_PANEL_MM)
+    some_saturate = any(_saturates(row) for row in rows)
     places: list[float] = [float(number) for number in range(len(rows))]
     height_mm = 18.0 + MEMBER_MM * len(rows)
     if group["effect"]:
@@ -454,7 +469,7 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
         rows.append(group["effect"] | whole)
         places.append(len(places) + 0.5)
         height_mm += 1.5 * MEMBER_MM
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height_mm)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, height_mm)
     axes = figure.subplots()
     top = _top_of_group(rows, group["margin"])
     for place, row in zip(places, rows, strict=True):
@@ -462,8 +477,16 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
             _write_jump(axes, row, place)
         else:
             _draw_member(axes, row, place, top)
+        if _saturates(row):
+            _draw_at_contact(axes, row, place + BESIDE, top)
     margin = 100 * group["margin"]
     axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+    if some_saturate:
+        look: Any = {"color": style.INK, "markerfacecolor": "white", "markersize": 5}
+        axes.plot([], [], "-s", linewidth=1.5, label="over the landings", **look)
+        look |= {"markersize": 4, **AT_CONTACT}
+        axes.plot([], [], label="where all feet touch at once", **look)
+        figure.legend(loc="outside upper left", ncols=2)
     axes.set_yticks(places, [_name_of(row) for row in rows])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * max(top, group["margin"]))
@@ -479,15 +502,20 @@ def _top_of_group(rows: Sequence[Mapping[str, Any]], margin: float) -> float:
         if "jump_low" in row:  # a jump is not a share of the map
             ends.append(0.0)
             continue
-        ends.append(_end(row["conclusion"], row))
+        shown = [over_landings(row)]
+        if _saturates(row):
+            shown.append(row)
+        ends += [_end(row["conclusion"], one) for one in shown]
         if "of_all" not in row:
-            sizes.append(row["estimate"])
-    middle = sorted(ends)[len(ends) // 2]
+            sizes += [one["estimate"] for one in shown]
+    given = sorted(end for end in ends if math.isfinite(end))
+    middle = given[len(given) // 2]
     return float(min(max(ends), LONGEST * max(*sizes, middle)))
 
 
 def _draw_member(axes: Axes, row: Mapping[str, Any], place: float, top: float) -> None:
     """Draw the size of a member, or of all; a long interval ends in an arrow."""
+    size = over_landings(row)
     _, colour = ANSWERS[row["conclusion"]]
     mark = "s"
     width = 1.5
@@ -495,15 +523,55 @@ def _draw_member(axes: Axes, row: Mapping[str, Any], place: float, top: float) -
         mark = "D"
         width = 4.0
     look: dict[str, Any] = {"color": colour, "clip_on": False}
-    end = _end(row["conclusion"], row)
-    interval = [100 * row["low"], 100 * min(end, top)]
+    end = _end(row["conclusion"], size)
+    interval = [100 * size["low"], 100 * min(end, top)]
     axes.plot(interval, [place, place], linewidth=width, **look)
     # Filled: found to differ.
     inside = colour if row["conclusion"] == "different" else "white"
     look_of_mark = look | {"markerfacecolor": inside}
-    axes.plot(100 * row["estimate"], place, mark, markersize=5, **look_of_mark)
+    axes.plot(100 * size["estimate"], place, mark, markersize=5, **look_of_mark)
     if end > top:
         axes.plot(100 * top, place, ">", markersize=4, **look)
+
+
+# How far below the size over the landings that at the contact stands, in rows, and how
+# it is drawn.
+BESIDE = 0.42
+AT_CONTACT: dict[str, Any] = {"marker": "^", "linestyle": (0, (1.5, 1)), "linewidth": 1}
+
+
+def _saturates(row: Mapping[str, Any]) -> bool:
+    """Tell whether a member's difference is another where all feet touch at once."""
+    return bool(row.get("saturates")) and "jump_low" not in row
+
+
+def over_landings(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the size over the landings, which the size of all is of."""
+    if not _saturates(row):
+        return row
+    prefix = "over_landings_"
+    return {
+        key.removeprefix(prefix): value
+        for key, value in row.items()
+        if key.startswith(prefix)
+    }
+
+
+def _draw_at_contact(
+    axes: Axes, row: Mapping[str, Any], place: float, top: float
+) -> None:
+    """Draw the size at the simultaneous contact below that over the landings."""
+    _, colour = ANSWERS[row["conclusion"]]
+    end = _end(row["conclusion"], row)
+    line: dict[str, Any] = {**AT_CONTACT, "marker": "", "color": colour}
+    interval = [100 * row["low"], 100 * min(end, top)]
+    axes.plot(interval, [place, place], clip_on=False, **line)
+    inside = colour if row["conclusion"] == "different" else "white"
+    look: dict[str, Any] = {"color": colour, "markersize": 4, "clip_on": False}
+    estimate = 100 * min(row["estimate"], top)
+    axes.plot(estimate, place, "^", markerfacecolor=inside, **look)
+    if end > top:
+        axes.plot(100 * top, place, ">", **look)
 
 
 def _write_jump(axes: Axes, row: Mapping[str, Any], place: float) -> None:

@@ -8,6 +8,8 @@ nothing to a user about whom to ask.
 
 from __future__ import annotations
 
+import os
+import traceback
 import warnings
 from collections.abc import Container, Iterator
 from contextlib import contextmanager
@@ -94,3 +96,40 @@ def blamed(
         told = " ".join(f"{type(fault).__name__}: {fault}".split())[:MOST_WORDS]
         values = {"place": f"{place}", "plugin": plugin, "found": told}
         raise error(Message("foreign.plugin", values)) from fault
+
+
+@contextmanager
+def own_code(named: str, place: object) -> Iterator[None]:
+    """Turn what code of the working folder raises into one line with its file.
+
+    Parameters
+    ----------
+    named : str
+        What the user has named, such as ``"the scene my_lab:Tripod"``.
+    place : object
+        What the message begins with.
+
+    Raises
+    ------
+    HopdataError
+        What it raises of this kind, unchanged; a `ConfigError` for all else.
+    """
+    try:
+        yield
+    except (HopdataError, MemoryError):
+        raise
+    except (Exception, SystemExit) as fault:
+        told = " ".join(f"{type(fault).__name__}: {fault}".split())[:MOST_WORDS]
+        told += _line_in_folder(fault)
+        values = {"place": f"{place}", "plugin": named, "found": told}
+        raise ConfigError(Message("foreign.own_code", values)) from fault
+
+
+def _line_in_folder(fault: BaseException) -> str:
+    """Return the last line of a file in the working folder that led to an error."""
+    place = ""
+    folder = os.getcwd()
+    for frame in traceback.extract_tb(fault.__traceback__):
+        if os.path.dirname(os.path.abspath(frame.filename)) == folder:
+            place = f", in {os.path.basename(frame.filename)}, line {frame.lineno}"
+    return place

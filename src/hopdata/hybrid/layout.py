@@ -188,9 +188,10 @@ N_STOPS, NEXT_SINGLE, UNSOUGHT, HELD_FIXED = numbers(4, 43)
 # pieces until this is tried again, and the last number of these.
 LEFT_OUT, LEFT_USES, LEFT_WAIT, LEFT_PAUSE = numbers(4, 47)
 # Whether an instant was sought along the path at one state only (see `known`), and how
-# many guards pass a pole where the step ends.
-BY_STATE, N_POLES, ANSWERS = numbers(3, 51)
-COUNT_SLOTS = 53 + answers.N_SLOTS
+# many guards pass a pole where the step ends; open locks of guards that are zero at the
+# start.
+BY_STATE, N_POLES, ON_SURFACE, ANSWERS = numbers(4, 51)
+COUNT_SLOTS = 54 + answers.N_SLOTS
 
 
 # Slots of the argument block: addresses of the callbacks and of the driver, room for
@@ -374,6 +375,11 @@ MISSED_INSTANTS = (
     "Stretches of time in which the field may jump, but its instants were not found: "
     "{count} (`n_unsought`). The derivative by the parameters leaves out how these "
     "move (docs/known_instants.md)."
+)
+START_ON_SURFACE = (
+    "The start lies on the surface of {guards}, where the derivative does not exist: "
+    "starts on one side meet the event, those on the other do not. The derivative is "
+    "that of the latter; start a little beside the surface, or give `mode`."
 )
 UNSOUGHT_INSTANTS = (
     "The field's own instants were not sought: {reason}. If it jumps in time, the "

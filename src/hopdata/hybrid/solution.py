@@ -309,6 +309,10 @@ class Solution(Told):
         largest error of a column, in the column's own size, if a Jacobian was
         requested. How later motion makes an error grow is not counted, nor how errors
         of the state change the derivative.
+    surfaces_at_start : tuple of str
+        Guards on whose surfaces the start lies, and whose crossing moves the state or
+        bends its path, so that no derivative exists there; looked for only if a
+        Jacobian was requested.
     by_differences : str
         Functions whose derivatives are by finite differences, because they do not
         compile for dual numbers, and why; empty if there are none.
@@ -322,6 +326,7 @@ class Solution(Told):
     dense: tuple[int, bytes] | None = None
     sensitivity: FloatArray | None = None
     jacobian_error: float | None = None
+    surfaces_at_start: tuple[str, ...] = ()
     by_differences: str = ""
 
     def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:
@@ -445,6 +450,9 @@ class Solution(Told):
             told.append(layout.why_unproven(self.n_unproven, self.form.unproven))
         if self.n_close > 0:
             told.append(layout.CLOSE_CALLS.format(count=self.n_close))
+        if self.surfaces_at_start:
+            names = ", ".join(f"'{name}'" for name in self.surfaces_at_start)
+            told.append(layout.START_ON_SURFACE.format(guards=names))
         if self.by_differences:
             told.append(layout.BY_DIFFERENCES.format(reasons=self.by_differences))
         if self.form.unsought:

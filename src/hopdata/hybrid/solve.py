@@ -225,10 +225,21 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
             _refuse(status, t_span, limits, work)
         if work.sink is not None:
             work.hand_over()
-        return work.solution(status)
+        solution = work.solution(status)
+        if jacobian and work.counts[at.ON_SURFACE] > 0:
+            _look_at_start(solution, system, t_span[0], y0, params, mode, memory)
+        return solution
     finally:
         work.sink = None
         system.idle.append(work)
+
+
+def _look_at_start(solution: Solution, system: System, *start: Any) -> None:
+    """Note the guards at the start that leave the flow without a derivative."""
+    # Imported here, since few starts lie on a surface.
+    from hopdata.hybrid.first_order.starts import surfaces_at_start
+
+    solution.__dict__["surfaces_at_start"] = surfaces_at_start(system, *start)
 
 
 def _current(system: System, tstops: Any) -> System:

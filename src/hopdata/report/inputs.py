@@ -186,6 +186,9 @@ class ReportInputs(PageInputs):
         Whether the recordings are known to be simulated though no truth is given.
     one_or_own : DataFrame, optional
         ``one_or_own.csv``: landings foretold by one map and by maps of their orders.
+    settings : mapping, optional
+        The keys of the configuration that differ from their defaults; if they are not
+        known, the page shows the whole configuration.
     """
 
     recordings: Sequence[Mapping[str, Any]] = ()
@@ -205,6 +208,7 @@ class ReportInputs(PageInputs):
     remarks: pd.DataFrame | None = None
     simulated: bool = False
     one_or_own: pd.DataFrame | None = None
+    settings: Mapping[str, Any] | None = None
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:

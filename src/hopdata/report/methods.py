@@ -12,6 +12,7 @@ from typing import Any
 from hopdata.arrays import Shown, pd
 from hopdata.errors import counted, with_names
 from hopdata.feet import foot_names
+from hopdata.foreign.working_folder import is_own
 from hopdata.messages import Message
 from hopdata.report.formatting import significant
 from hopdata.report.inputs import ReportInputs
@@ -147,7 +148,9 @@ def _of_recordings(
     entries = config.get("recordings") or [{}]
     if any(entry.get("file") for entry in entries) or "simulation" not in config:
         return Message("report.methods_simulated", values)
-    values["scene"] = config["simulation"].get("scene")
+    scene = str(config["simulation"].get("scene"))
+    of_hopdata = "" if is_own(scene) else " of hopdata"
+    values["scene"] = f"scene {scene}{of_hopdata}"
     cameras = config["motion_capture"]
     values["noise"] = f"{1e3 * cameras['noise_m']:.2g}"
     values["noise_of"] = cameras["noise_of"]
@@ -358,7 +361,7 @@ def _far_off(verdict: Mapping[str, Any]) -> Message | str:
 
 def _not_judged(verdict: Mapping[str, Any]) -> Message:
     """Say that no maps were compared, and why."""
-    so_far = verdict.get("so_far") or {}
+    so_far = verdict.get("preliminary") or {}
     orders = so_far.get("orders") or []
     known = verdict.get("n_landings") or 0
     few = known < so_far.get("least_landings", 0)

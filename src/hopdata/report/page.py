@@ -78,7 +78,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "one_or_own": verdict.one_or_own_facts(inputs.one_or_own, _feet(inputs)),
         "feet": _numbered(_feet(inputs)),
         "simulated": bool(truth) or inputs.simulated or _from_simulation(inputs),
-        "mainly": str((inputs.verdict or {}).get("mainly") or ""),
+        "mainly": str((inputs.verdict or {}).get("main_contrast") or ""),
         "noise_left": _noise_allowed_for(inputs.notes),
     }
 
@@ -285,6 +285,8 @@ GAPS = "recording_gaps"
 # both.
 PRINTED_CLAIMS = {"fig2_4_prediction", "fig2_5_distances"}
 OF_PRINTED_CLAIMS = ("prediction", "distances")
+#: Entries of ``truth.json`` about these figures.
+OF_PRINTED_FIGURES = ("near_below_all_below_far", "random_clearance")
 #: The page of the documentation on studies that cannot tell.
 CANNOT_TELL_PAGE = "https://github.com/hopdata/hopdata/blob/main/docs/cannot_tell.md"
 PLACES: dict[str, str] = show.WORDS["places"]
@@ -323,8 +325,8 @@ def build_report(inputs: ReportInputs) -> str:
         facts=facts,
         answer=verdict.answer(known),
         outlook=verdict.worded(known, "outlook"),
-        mainly=verdict.worded(known, "mainly"),
-        contacts=verdict.worded(known, "contacts"),
+        mainly=verdict.worded(known, "main_contrast"),
+        contacts=verdict.contacts_told(known),
         highlights=_highlights(facts, inputs),
         keys=_keys_of(facts, inputs),
         lights=tables.lights(inputs.quality),
@@ -341,8 +343,16 @@ def build_report(inputs: ReportInputs) -> str:
         cannot_tell=CANNOT_TELL_PAGE,
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in verdict.further_notes(known)],
-        config=as_yaml((inputs.provenance or {}).get("config")),
+        config=as_yaml(_configuration(inputs)),
+        only_settings=inputs.settings is not None,
     )
+
+
+def _configuration(inputs: ReportInputs) -> Any:
+    """Return the keys that the study sets or, if that is not known, all keys."""
+    if inputs.settings is not None:
+        return inputs.settings
+    return (inputs.provenance or {}).get("config")
 
 
 def _keys_of(facts: Mapping[str, Any], inputs: ReportInputs) -> list[Key]:
@@ -570,9 +580,18 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "one_or_own": verdict.one_or_own_table(
             inputs.one_or_own, _feet(inputs), inputs.verdict
         ),
-        "truth": tables.truth_table(inputs.truth),
+        "truth": tables.truth_table(_truth_shown(inputs)),
         **tables.record_tables(inputs.provenance or {}),
     }
+
+
+def _truth_shown(inputs: ReportInputs) -> dict[str, Any]:
+    """Return what is known of the truth, of what this page shows."""
+    truth = dict(inputs.truth or {})
+    if not _by_printed_methods(inputs.provenance):
+        for name in OF_PRINTED_FIGURES:
+            truth.pop(name, None)
+    return truth
 
 
 def _feet(inputs: ReportInputs) -> tuple[str, ...]:

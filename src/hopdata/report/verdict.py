@@ -32,6 +32,10 @@ REACH = ("margin", "holds_from", "contact_spread")
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
+#: A difference may saturate if the p-value of that is below this.
+#: Unit: 1. Origin: chosen: that of the verdict (`hopdata.maps.verdict.saturation`).
+SATURATES_BELOW = 0.01
+
 #: Size below which a true difference is none.
 #: Unit: 1. Origin: chosen: far above rounding, and far below what a study can find.
 NO_DIFFERENCE = 1e-9
@@ -69,7 +73,20 @@ def reach(verdict: Verdict | None) -> list[Message]:
     if facts["holds_from"]:
         values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
+    said += _not_saturating(verdict or {}, facts)
     return said
+
+
+def _not_saturating(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]:
+    """Say why a difference does not saturate although the p-value is small."""
+    p_value = verdict.get("saturation_p_value")
+    is_small = p_value is not None and p_value < SATURATES_BELOW
+    if not is_small or verdict.get("saturates") or facts["jumps"]:
+        return []
+    if not facts["allowed"]:
+        return []
+    values = {"p": show.significant(p_value, 2), "allowed": facts["allowed"]}
+    return [Message("report.not_saturating", values)]
 
 
 def what_now(verdict: Verdict | None) -> list[Message | str]:
@@ -83,14 +100,26 @@ def answer(verdict: Verdict) -> list[Message | str]:
     message = verdict.get("messages", {}).get("sentence") or {}
     if message.get("code") == RESERVED:
         parts = [message["values"][name] for name in ("different", "reservation")]
-        return [told(part, str(verdict.get("sentence"))) for part in parts]
+        worded_parts = [told(part, "") for part in parts]
+        if all(worded_parts):
+            return worded_parts + _scale(verdict)
     facts = verdict_facts(verdict)
+    if verdict.get("conclusion") == "different":
+        return [worded(verdict, "sentence"), *_scale(verdict)]
     if message.get("code") != AT_CONTACT or not facts["holds_from"]:
         return [worded(verdict, "sentence")]
     bounded = {**message, "code": "maps.no_difference"}
     values = {name: facts[name] for name in REACH}
     reservation = Message("report.reservation", values)
     return [told(bounded, str(verdict.get("sentence"))), reservation]
+
+
+def _scale(verdict: Verdict) -> list[Message | str]:
+    """Return down to which scale a kink is told from a bend of a smooth map."""
+    spread = verdict.get("contact_spread")
+    if spread is None or verdict.get("decided_by") == "jump":
+        return []
+    return [Message("report.scale", {"contact_spread": _milliseconds(spread)})]
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:
@@ -125,6 +154,31 @@ def worded(verdict: Verdict, name: str) -> Message | str:
     if message:
         return told(message, as_written)
     return as_written
+
+
+# Messages on what foretells the contacts if the maps were not compared, and the same
+# without the orders, which they list with their landings.
+WITHOUT_ORDERS = {
+    "maps.so_far_few": "report.so_far_few",
+    "maps.so_far_errors": "report.so_far_errors",
+    "maps.so_far_foretold": "report.so_far_foretold",
+}
+ORDERS_ALONE = "maps.so_far_states"
+
+
+def contacts_told(verdict: Verdict) -> Message | str:
+    """Return what foretells the contacts, without the orders that a figure shows.
+
+    If the maps were not compared, the sentence lists all orders with their landings,
+    for readers of the file alone.
+    """
+    message = verdict.get("messages", {}).get("contacts", {})
+    code = message.get("code")
+    if code == ORDERS_ALONE:
+        return ""
+    if code in WITHOUT_ORDERS:
+        return Message(WITHOUT_ORDERS[code], message.get("values", {}))
+    return worded(verdict, "contacts")
 
 
 def told(message: Mapping[str, Any], as_written: str) -> Message | str:
@@ -172,8 +226,9 @@ def verdict_facts(
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
         and ``contact_spread``, how far apart the contacts are, in ms; ``compared``,
-        what was compared; ``landings``, how many it is of, and ``left_out``, how many
-        are like none of these; ``foretold``, the share of their order that is;
+        what was compared; ``landings``, how many were judged, ``fitted``, how many of
+        these were fitted, and ``left_out``, how many are like none of these;
+        ``foretold``, the share of their order that is;
         ``mainly``, what differs most; ``needed``, the landings with which ``asked``
         could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
         are lettered.
@@ -183,7 +238,7 @@ def verdict_facts(
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
         "outlook": known.get("outlook"),
-        "contacts": known.get("contacts"),
+        "contacts": str(contacts_told(known)) or None,
         "conclusion": known.get("conclusion"),
         "found": effect is not None,
         "jumps": known.get("decided_by") == "jump",
@@ -213,13 +268,14 @@ def verdict_facts(
         facts |= _reach_facts(known)
     facts["true"] = _true_effect(truth)
     found = known["conclusion"] == "different"
+    bound = math.inf if effect["upper_bound"] is None else effect["upper_bound"]
     if effect.get("allowed") is not None:
         facts["allowed"] = _percent(effect["allowed"])
-        if not found and effect["upper_bound"] < effect["allowed"]:
+        if not found and bound < effect["allowed"]:
             facts["bound_within"] = _percent(effect["upper_bound"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = _percent(effect["detectable"])
-        if not found and effect["upper_bound"] < effect["detectable"]:
+        if not found and bound < effect["detectable"]:
             facts["bound_below"] = _percent(effect["upper_bound"])
     facts["difference"] = _with_interval(effect)
     return facts
@@ -232,18 +288,20 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
     facts: dict[str, str | None] = {
         "compared": verdict.get("compared") or None,
         "landings": None,
+        "fitted": None,
         "left_out": None,
         "foretold": None,
-        "mainly": verdict.get("mainly") or None,
+        "mainly": verdict.get("main_contrast") or None,
         "asked": None,
         "needed": None,
     }
     if verdict.get("n_landings") is not None:
         facts["landings"] = show.count(verdict["n_landings"])
+        facts["fitted"] = show.count(verdict.get("n_window"))
     if left_out:
         facts["left_out"] = show.count(len(left_out))
-    if verdict.get("foretold") is not None:
-        share = show.fixed(100 * verdict["foretold"], 1)
+    if verdict.get("contacts_r2") is not None:
+        share = show.fixed(100 * verdict["contacts_r2"], 1)
         facts["foretold"] = show.with_unit(share, "%")
     if "number" in outlook:
         facts["asked"] = str(outlook["asked"])
@@ -269,8 +327,10 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
 
 
 def _with_interval(effect: Mapping[str, Any]) -> str:
-    estimate = _in_hundredths(effect["estimate"])
     low = _in_hundredths(effect["low"])
+    if effect["high"] is None:
+        return str(Message("report.at_least_size", {"low": show.with_unit(low, "%")}))
+    estimate = _in_hundredths(effect["estimate"])
     high = _in_hundredths(effect["high"])
     return show.with_unit(f"{estimate} ({low} to {high})", "%")
 
@@ -296,7 +356,10 @@ def remark(
         "confidence": show.percent(100 * known["confidence"]),
     }
     said = Message("report.difference_remark", values)
-    if known["conclusion"] != "different":
+    if effect["high"] is None:
+        values["margin"] = _margin(known)
+        said = Message("report.difference_unbounded", values)
+    elif known["conclusion"] != "different":
         values["bound"] = _percent(effect["upper_bound"])
         values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
@@ -390,7 +453,11 @@ def _of_all_orders(verdict: Verdict) -> Message | str:
         "landings": show.count(known),
     }
     effect = _deciding(verdict)
-    if effect is None or verdict["conclusion"] == "different":
+    if (
+        effect is None
+        or effect["upper_bound"] is None
+        or verdict["conclusion"] == "different"
+    ):
         return Message("report.orders_landings", values)
     values["bound"] = _percent(effect["upper_bound"])
     values["margin"] = _margin(verdict)
@@ -494,9 +561,9 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
     effect = verdict.get("effect") or {}
     if effect.get("allowed") is None or verdict["conclusion"] == "different":
         return Message("report.so_what_gains", values)
-    values["bound"] = _percent(effect["upper_bound"])
     values["allowed"] = _percent(effect["allowed"])
     if verdict["conclusion"] == "no difference":
+        values["bound"] = _percent(effect["upper_bound"])
         return Message("report.so_what_small", values)
     return Message("report.so_what_open", values)
 
@@ -537,6 +604,19 @@ def build_group_page(
     rows = group["members"]
     title = "Conditions compared within subjects"
     members: Any = [_member(row) for row in rows]
+    saturate = any(row.get("saturates") for row in rows)
+    judged = [row for row in rows if not row["reason"]]
+    facts = {
+        "one_by_one": one_by_one,
+        "some_saturate": saturate,
+        "n": len(judged),
+        "confidence": show.percent(100 * group["confidence"]),
+        "margin": show.percent(100 * group["margin"]),
+        "of_all": group["effect"] is not None,
+    }
+    reasons = {row["reason"] for row in rows}
+    if len(reasons) == 1:  # the sentence at the top of the page says it once
+        members = [{**cells, "reason_told": ""} for cells in members]
     summed: list[show.Table] = []
     if not one_by_one:
         summed = summaries(rows)
@@ -546,10 +626,11 @@ def build_group_page(
         "group.html.j2",
         group=group,
         highlights=_highlights(group),
-        pictures=[picture_of(one, {"one_by_one": one_by_one}) for one in figures],
+        pictures=[picture_of(one, facts) for one in figures],
         one_by_one=one_by_one,
         methods=group_methods(group),
         some_without=any(row["reason"] for row in rows),
+        some_saturate=saturate,
         summaries=summed,
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
@@ -562,10 +643,8 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return name, value and remark of each key number of a group."""
     rows = group["members"]
     effect = group["effect"]
-    answers: Counter[str] = Counter()
-    for row in rows:
-        answers["no answer" if row["reason"] else row["conclusion"]] += 1
-    judged = f"{len(rows) - answers['no answer']} of {len(rows)}"
+    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
+    judged = f"{answers.total()} of {len(rows)}"
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
     studies = ("Studies judged", judged, said)
     if effect is None:
@@ -614,6 +693,7 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
     if row.get("conclusion") != "different" and needed > row.get("landings", 0):
         cells["needed"] = show.count(needed)
 
+    cells["reason_told"] = f": {row['reason']}"
     cells["size"] = None
     cells["ends"] = ""
     if row["reason"]:
@@ -626,5 +706,11 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
         cells["size"] = _percent(row["estimate"])
         low = row["low"]
         high = row["high"]
+    if row.get("saturates"):
+        over = _percent(row["over_landings_estimate"])
+        cells["size"] += f" (over the landings {over})"
+    if high is None:
+        cells["ends"] = f"at least {_percent(low)}"
+        return cells
     cells["ends"] = f"{_percent(low)} to {_percent(high)}"
     return cells

@@ -7,7 +7,9 @@ from pkgutil import resolve_name
 from typing import TYPE_CHECKING
 
 from hopdata.errors import require_choice
-from hopdata.foreign.plugins import blamed, name_of, plugins
+from hopdata.foreign.plugins import blamed, name_of, own_code, plugins
+from hopdata.foreign.working_folder import is_own
+from hopdata.scenes.own import own_class
 
 if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
@@ -26,6 +28,8 @@ STANDARD = "hopper"
 
 def blamed_scene(name: str) -> AbstractContextManager[None]:
     """Return a context in which errors of another package's scene are told as such."""
+    if is_own(name):
+        return own_code(f"the scene {name}", "simulation.scene")
     if name not in _PLUGINS:
         return nullcontext()
     return blamed(name_of("scene", _PLUGINS[name]), "simulation.scene")
@@ -34,11 +38,18 @@ def blamed_scene(name: str) -> AbstractContextManager[None]:
 def scene_class(name: str) -> type[Scene]:
     """Return the parameter class of a scene.
 
+    Parameters
+    ----------
+    name : str
+        A name of `SCENES`, or MODULE:CLASS (`hopdata.scenes.own`).
+
     Raises
     ------
     ConfigError
         If no scene has this name, or the package that brings it fails.
     """
+    if is_own(name):
+        return own_class(name)
     require_choice("simulation.scene", name, SCENES)
     with blamed_scene(name):
         found: type[Scene] = resolve_name(SCENES[name])

@@ -21,6 +21,13 @@ from hopdata.synthesis.hops import rest_foot
 from hopdata.synthesis.integrators import INTEGRATORS
 from hopdata.truth import Truth
 
+# The functions of a scene, with all the arguments that they take.
+OWN_FORM = {
+    "field": "t, y, mode, params, dy",
+    "guards": "t, y, dy, mode, params, h, hdot",
+    "on_event": "t, y, mode, params, guard, direction",
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Simulation:
@@ -59,6 +66,8 @@ class Simulation:
 
     def __post_init__(self) -> None:
         self.scene.require_take_off(f"simulation.{self.name}")
+        if self.name != STANDARD:
+            self._require_own_form()
         known = " and ".join(self.scene.controls)
         wanted = f"0, since the scene {self.name} knows {known} only"
         for strength, value in asdict(self.control).items():
@@ -72,6 +81,15 @@ class Simulation:
         can_do = self.integrator != "printed" or not resets
         wanted = "driver where events reset the state, as the printed method cannot"
         require(can_do, "simulation.integrator", wanted, self.integrator)
+
+    def _require_own_form(self) -> None:
+        """Require functions in the integrator's own form, which the exact maps call."""
+        system = self.scene.system()
+        for kind, arguments in OWN_FORM.items():
+            function = getattr(system, kind)
+            fits = function is not None and function.form is None
+            wanted = f"@{kind} with all of its arguments, ({arguments})"
+            require(fits, "simulation.scene", wanted, f"another form in {self.name}")
 
     @classmethod
     def of(cls, values: Mapping[str, Any] | None) -> Simulation:

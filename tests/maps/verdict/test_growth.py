@@ -40,6 +40,9 @@ def test_a_difference_that_fades_is_different_and_noted():
     assert verdict.conclusion == "different"
     assert "Reservation: it seems to fade" in verdict.sentence
     assert float(notes["maps.grows"]["slope"]) == pytest.approx(1.0, abs=0.25)
+    (said,) = [one for one in verdict.notes if one["code"] == "maps.grows"]
+    # The slope is that of one family of shapes: it is not told as a number in words.
+    assert not any(letter.isdigit() for letter in said["reason"])
 
 
 def test_a_kink_is_not_noted():

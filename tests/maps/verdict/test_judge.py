@@ -224,7 +224,7 @@ def test_what_could_have_been_seen_is_said():
         0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
     )
     said = str(outlook(size, 2_312, 1_617, 0.8))
-    assert "shows as 15 % would be found in 80 %" in said
+    assert "difference of 15 % would be found in 80 %" in said
     assert "you would need about 2,300 landings" in said
     assert "cannot be seen with any number" in str(outlook(size, None, 1_617, 0.8))
     none = replace(size, detectable=1.2)
@@ -554,7 +554,7 @@ def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
 def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     data = landings(seed=seed)
     rigid = verdict(data)
-    assert rigid.foretold > 0.995
+    assert rigid.contacts_r2 > 0.995
     assert NOT_FORETOLD_CODE not in [note["code"] for note in rigid.notes]
     scatter_s = 0.0015  # of when each leg touches, beside what the body's state decides
     posture = np.random.default_rng(seed).normal(0.0, scatter_s, data.instants.shape)
@@ -562,12 +562,12 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     answer = verdict(moved)
     varied = np.mean((data.instants - data.instants.mean(axis=1, keepdims=True)) ** 2)
     expected = varied / (varied + scatter_s**2 * (1 - 1 / 3))
-    assert answer.foretold == pytest.approx(expected, abs=0.01)
+    assert answer.contacts_r2 == pytest.approx(expected, abs=0.01)
     (note,) = [note for note in answer.notes if note["code"] == NOT_FORETOLD_CODE]
-    assert f"{100 * answer.foretold:.1f} %" in note["reason"]
+    assert f"{100 * answer.contacts_r2:.1f} %" in note["reason"]
     # The same scatter as an error of measurement says nothing of the animal.
     known = verdict(moved, instants_se=np.full(data.instants.shape, scatter_s))
-    assert known.foretold > 0.99
+    assert known.contacts_r2 > 0.99
     assert NOT_FORETOLD_CODE not in [note["code"] for note in known.notes]
 
 

@@ -59,7 +59,7 @@ def test_of_one_smooth_map_no_pair_differs(feet):
         assert answer.conclusion != "different"
         assert all(one["low"] == 0.0 for one in answer.orders)
         assert all(one["p_value"] >= 0.05 for one in answer.orders)
-        assert answer.mainly == ""
+        assert answer.main_contrast == ""
 
 
 @pytest.mark.parametrize("seed", range(6 if "ALL" in os.environ else 3))
@@ -68,7 +68,7 @@ def test_a_kink_of_two_feet_is_found_between_the_orders_that_exchange_them(seed)
     pairs = found(answer)
     assert len(pairs) == 9
     assert all(exchanges(one) for one in pairs)
-    assert answer.mainly == (
+    assert answer.main_contrast == (
         "mainly: orders with foot 1 before foot 2 "
         "against those with foot 2 before foot 1"
     )
@@ -83,7 +83,7 @@ def test_a_kink_of_the_last_or_first_foot_is_found_and_named(seed, which, says):
     place = {"last": -1, "first": 0}[which]
     for one in found(answer):
         assert feet(one["first"])[place] != feet(one["second"])[place]
-    assert answer.mainly == f"mainly: orders that {says} with different feet"
+    assert answer.main_contrast == f"mainly: orders that {says} with different feet"
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -92,7 +92,10 @@ def test_a_jump_is_found_between_the_feet_that_cause_it(seed):
     (one,) = found(answer, "jump")
     assert (one["first"], one["second"]) == ("1>2", "2>1")
     assert one["low"] < one["estimate"] < one["high"]
-    assert "the outcome jumps most where foot 1 and foot 2 exchange" in answer.mainly
+    assert (
+        "the outcome jumps most where foot 1 and foot 2 exchange"
+        in answer.main_contrast
+    )
 
 
 def test_no_pair_is_different_unless_the_study_is_and_pairs_cost_certainty():

@@ -47,7 +47,7 @@ def test_the_order_that_differs_is_named_and_no_other():
         answer = verdict(one_differs(seed, 2.0), seed)
         if named(answer) == [ODD]:
             right += 1
-            assert "only the order 1 → 2 → 3" in answer.mainly
+            assert "only the order 1 → 2 → 3" in answer.main_contrast
             assert "maps.own_map" in [note["code"] for note in answer.notes]
     assert right >= 0.9 * N_STUDIES
 
@@ -69,7 +69,10 @@ def test_its_landings_are_no_mistakes():
 
 def test_what_exchanges_two_feet_is_not_said_of_one_order():
     for changes in ({"pair": 1.5}, {"last": 2.0}, {"jump": 1.5}):
-        assert "only the order" not in verdict(kinks_of_feet(1, **changes), 1).mainly
+        assert (
+            "only the order"
+            not in verdict(kinks_of_feet(1, **changes), 1).main_contrast
+        )
 
 
 def test_each_order_has_a_size_with_its_numbers_of_landings():

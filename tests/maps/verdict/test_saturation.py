@@ -1,5 +1,7 @@
 """Kinks that are spent before the contacts are far apart."""
 
+import json
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,6 +11,7 @@ from tests.maps.verdict.kinked_landings import landings
 
 from hopdata.maps.coordinates import kinks
 from hopdata.maps.verdict import effect
+from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.judge import judge
 from hopdata.maps.verdict.saturation import (
     FASTEST,
@@ -105,10 +108,21 @@ def test_kinks_that_saturate_are_found_and_measured_at_the_contact(lasting, brie
     assert over_landings.upper_bound < lasting.effect.estimate
     assert brief.effect.estimate > 1.5 * over_landings.estimate
     assert brief.effect.estimate == pytest.approx(lasting.effect.estimate, rel=0.2)
-    assert brief.effect.upper_bound > lasting.effect.estimate
     assert brief.effect.low == over_landings.low
-    assert "extrapolated from landings" in brief.sentence
-    assert "Reservation" not in lasting.sentence
+    assert "no upper end can be given" in brief.sentence
+    assert "upper end" not in lasting.sentence
+
+
+def test_a_size_at_the_contact_has_no_upper_end_if_it_saturates(lasting, brief):
+    """In JSON it is null, and comes back; elsewhere ends are finite."""
+    assert brief.effect.high == brief.effect.upper_bound == math.inf
+    assert not brief.effect.is_bounded
+    assert brief.effect_over_landings.is_bounded
+    assert lasting.effect.is_bounded
+    content = json.loads(json.dumps(brief.effect.to_dict(), allow_nan=False))
+    assert content["high"] is content["upper_bound"] is None
+    assert EffectSize.from_dict(content) == brief.effect
+    assert "without an upper end" in str(brief.effect)
 
 
 def test_no_number_of_landings_is_promised_at_the_contact(lasting, brief):
@@ -121,6 +135,7 @@ def test_a_study_that_cannot_tell_names_saturation_before_landings():
     answer = study(strength=0.5, spent_within=0.2, n=600)
     assert answer.conclusion == "cannot tell"
     assert answer.saturates
+    assert "no upper bound can be given" in answer.sentence
     codes = [one["code"] for one in answer.what_now]
     assert codes == ["maps.limit_saturation", "maps.limit_landings_saturates"]
 
@@ -157,12 +172,11 @@ def test_only_kinks_that_are_larger_at_the_contact_saturate(
 ):
     """Smaller ones grow with the delay; `low` would lie above their estimate."""
     over = brief.effect_over_landings
-    slow = replace(over, estimate=at_contact * over.estimate / 0.5, high=9.0)
-    fast = replace(over, estimate=8.0, high=10.0, upper_bound=9.5)
+    slow = replace(over, estimate=at_contact * over.estimate / 0.5)
     fit = SimpleNamespace(
         scores=np.eye(50),
         allowed=0.1,
-        at_contact=lambda _: (slow, fast),
+        at_contact=lambda _: (slow,),
         with_slopes=lambda slopes: slopes,
     )
     monkeypatch.setattr(effect, "saturation", lambda *_, **__: (0.001, slow))
@@ -174,6 +188,5 @@ def test_only_kinks_that_are_larger_at_the_contact_saturate(
     assert (found.size == over) == (not saturates)
     assert found.size.low <= found.size.estimate
     if saturates:
-        # The likely fit has the estimate, and the bound holds for faster ones.
         assert found.size.estimate == slow.estimate
-        assert (found.size.high, found.size.upper_bound) == (10.0, 9.5)
+        assert not found.size.is_bounded

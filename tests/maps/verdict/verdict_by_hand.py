@@ -1598,15 +1598,12 @@ def saturation(section, fit, size, over_landings, study):
     if p_value >= 0.01:
         return p_value, over_landings
     least = min(f.misfit for f in fits)
-    effects = [at_contact(section, fit, f.contact, size, study) for f in fits]
-    in_doubt = [f.misfit <= least + 3.84 for f in fits]
-    estimate = effects[in_doubt.index(True)]["estimate"]
+    slowest = next(f for f in fits if f.misfit <= least + 3.84)
+    estimate = at_contact(section, fit, slowest.contact, size, study)["estimate"]
     if estimate <= max(fit.allowed, over_landings["estimate"]):
         return p_value, over_landings
-    widest = {"estimate": estimate}
-    for name in ("high", "upper_bound"):
-        widest[name] = max(e[name] for e in [*effects, over_landings])
-    return p_value, over_landings | widest
+    unbounded = {"estimate": estimate, "high": None, "upper_bound": None}
+    return p_value, over_landings | unbounded
 
 
 def at_contact(section, fit, slopes_there, size, study):
@@ -1680,7 +1677,7 @@ def conclusion(effect, jump, margin):
     """14: the answer in words."""
     if effect["low"] > 0 or (jump is not None and jump["low"] > 0):
         return "different"
-    if effect["upper_bound"] <= margin:
+    if effect["upper_bound"] is not None and effect["upper_bound"] <= margin:
         return "no difference"
     return "cannot tell"
 
@@ -1724,7 +1721,7 @@ def verdict(x, y, instants, seed, **options):
         "landings_needed": needed,
         "n_landings": section.n,
         "n_window": len(fit.rows),
-        "foretold": section.foretold,
+        "contacts_r2": section.foretold,
         "effect_over_landings": effects[0],
         "effect": effect,
         "jump": jump,

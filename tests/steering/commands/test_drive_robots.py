@@ -60,6 +60,12 @@ def test_a_robot_is_excited_learned_driven_to_a_point_and_replayed(robot, capsys
     assert main(["learn", "drive-strides"]) == 0
     out = capsys.readouterr().out
     assert "model.npz: learned from" in out
+    scores = pd.read_csv("drive-strides/model_scores.csv", index_col="component")
+    is_planar = robot == "planar-hopper"  # it never leaves its line
+    assert ("dy       does not move" in out) == is_planar
+    assert "dx       r2 " in out
+    assert (scores["moves"] == scores["r2"].notna()).all()
+    assert scores["moves"].tolist()[:2] == [True, not is_planar]
     assert "hopdata drive --robot NAME --model drive-strides drives with it" in out
     assert main(["drive", "--armed", "--model", "drive-strides"]) == 1
     wanted = f"--model: expected --robot with a model of {', '.join(columns)}, which"

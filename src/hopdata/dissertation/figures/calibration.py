@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 # Solver: label, colour, line style, width, marker. Exact, MuJoCo and the printed method
 # have the lines of the print; its forms show the points of their meshes.
 LINES: dict[str, tuple[str, str, Any, float, str]] = {
-    "exact": ("exact", style.GREY, (0, (1, 1)), 2.4, ""),
-    "MuJoCo": ("MuJoCo", style.BLUE, (0, (5, 1.5)), 1.0, ""),
-    "printed": ("printed method, to the letter", style.ORANGE, "-", 0.8, "x"),
+    "exact": ("exact", style.PALE, (0, (1, 1)), 2.4, ""),
+    "MuJoCo": ("MuJoCo", style.SHADE, (0, (5, 1.5)), 1.0, ""),
+    "printed": ("printed method, to the letter", style.PRINTED, "-", 0.8, "x"),
     "restarted, tight": (
         "printed method, restarted at contacts",
-        style.VERMILION,
+        style.PRINTED,
         "-",
         0.8,
         "o",

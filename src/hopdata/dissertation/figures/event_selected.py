@@ -18,7 +18,7 @@ GROUPS = {
     "definitions": ["event functions (1.2.1)", "smooth fields (1.2.2)"],
     "ESS": [
         "trajectories are continuous",
-        "collisions are smooth surfaces",
+        "smooth collision surfaces",
         "contact made or broken once",
         "penetration velocity is kept",
     ],
@@ -31,8 +31,8 @@ GROUPS = {
     "C1": ["one saltation product"],
 }
 # What holds and what does not, pale enough for the numbers on it.
-HOLDS = "#D9EEE7"
-FAILS = "#F5CDB8"
+HOLDS = "#f2f2f2"
+FAILS = "#c9c9c9"
 
 
 @style.styled
@@ -64,14 +64,13 @@ def checklist(table: pd.DataFrame) -> Figure:
             _short(value),
             ha="center",
             va="center",
-            fontsize=style.pt(6),
             fontweight=weight,
         )
     axes.set_yticks(places, labels)
     axes.set_ylim(places[-1] + 0.55, -0.55)
     axes.set_xlim(-0.55, len(systems) - 0.45)
     names = [_broken(name) for name in systems]
-    axes.set_xticks(range(len(systems)), names, fontsize=style.pt(6))
+    axes.set_xticks(range(len(systems)), names)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     for spine in axes.spines.values():
@@ -109,18 +108,14 @@ def _name_groups(axes: Axes, places: list[float]) -> None:
             transform=axes.get_yaxis_transform(),
             ha="left",
             va="center",
-            fontsize=style.pt(6.5),
             fontweight="bold",
         )
         first += len(labels)
 
 
 def _broken(name: str) -> str:
-    """Return a name on two lines if it has several words."""
-    first, _, rest = name.partition(" ")
-    if not rest:
-        return first
-    return f"{first}\n{rest}"
+    """Return a name with a line for each word; a number stays with its sign."""
+    return name.replace(" %", "\u00a0%").replace(" ", "\n")
 
 
 def _short(value: float) -> str:
@@ -133,5 +128,5 @@ def _short(value: float) -> str:
     mantissa, _, power = text.partition("e")
     if power:
         exponent = str(int(power)).translate(style.SUPERSCRIPTS)
-        return f"{mantissa}·10{exponent}"
+        return f"{float(mantissa):.0f}·10{exponent}"
     return text

@@ -13,18 +13,18 @@ COMPONENTS = {"dx": "x", "dy": "y", "dtheta": "heading"}
 UNITS = {"dx": "mm", "dy": "mm", "dtheta": "degrees"}
 # What is known of a hop, in the order in which it is added, with its colour.
 KNOWN = {
-    "boom angle and swing": ("boom angle and swing", style.BLUE),
-    "and the swing before": ("and the swing before", style.SKY),
-    "and the velocity at the apex": ("and the velocity at the apex", style.YELLOW),
-    "and the whole state at the apex": ("and the whole state", style.ORANGE),
+    "boom angle and swing": ("boom angle and swing", style.OURS),
+    "and the swing before": ("and the swing before", style.SHADE),
+    "and the velocity at the apex": ("and the velocity at the apex", style.PRINTED),
+    "and the whole state at the apex": ("and the whole state", "#dedede"),
 }
 GIVEN = {
-    "inputs": ("given boom angle and swing", style.VERMILION, "o"),
-    "inputs and state": ("given the state at the apex too", style.BLUE, "s"),
+    "inputs": ("given boom angle and swing", style.PRINTED, "o"),
+    "inputs and state": ("and the state at the apex", style.OURS, "s"),
 }
 BODIES = {
-    "hopper": ("hopper", style.BLUE, "o"),
-    "coupled legs": ("coupled legs (not C1)", style.VERMILION, "s"),
+    "hopper": ("hopper", style.OURS, "o"),
+    "coupled legs": ("coupled legs (not C1)", style.PRINTED, "s"),
 }
 
 
@@ -115,17 +115,17 @@ def _draw_scaled(axes: Axes, scaled: pd.DataFrame) -> None:
         axes.plot(middle["spread"], middle["effect"], label=label, **look)
         ratio = middle.iloc[-1] / middle.iloc[0]
         power = np.log(ratio["effect"]) / np.log(ratio["spread"])
-        at = tuple(middle.mean())
+        at = tuple(middle.iloc[-1])
         text = f"power {power:.1f}"
-        beside: Any = {"ha": "left", "va": "top", "bbox": style.ON_WHITE}
-        style.note(axes, text, at, (9, -14), color=colour, **beside)
+        below: Any = {"ha": "right", "va": "top", "bbox": style.ON_WHITE}
+        style.note(axes, text, at, (4, -8), color=colour, **below)
     axes.set(xscale="log", yscale="log")
     style.plain_numbers(axes.xaxis)
     style.plain_numbers(axes.yaxis)
     axes.set_xticks([4, 6, 8, 12])
     axes.set_yticks([0.03, 0.1, 0.3, 1])
     axes.set_xlabel("spread of Δx (mm)")
-    axes.set_ylabel("what the landing order adds to Δx, rms (mm)")
+    axes.set_ylabel("what the landing order adds to Δx,\nrms (mm)")
     _legend_above(axes)
 
 
@@ -136,16 +136,16 @@ def _legend_above(axes: Axes) -> None:
 # Models by schedule.
 
 MODELS = {
-    "one model for all": ("one model for all", style.BLUE, "-", "o"),
+    "one model for all": ("one model for all", style.OURS, "-", "o"),
     "one model a schedule, which is known": (
         "one a schedule, which is known",
-        style.ORANGE,
+        style.SHADE,
         (0, (4, 1.5)),
         "s",
     ),
     "one model a schedule, which is unknown": (
         "one a schedule, which is unknown",
-        style.VERMILION,
+        style.PRINTED,
         (0, (1.5, 1.2)),
         "^",
     ),
@@ -199,7 +199,7 @@ def turning_figure(turns: pd.DataFrame) -> Figure:
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 58.0)
     turn, radius = figure.subplots(1, 2)
-    line: Any = ("simulated", style.BLUE, "-", "o")
+    line: Any = ("simulated", style.OURS, "-", "o")
     for axes, column in ((turn, "turn_deg"), (radius, "radius_m")):
         rows = turns
         if column == "radius_m":
@@ -219,10 +219,10 @@ def turning_figure(turns: pd.DataFrame) -> Figure:
     look: Any = {"transform": turn.transAxes, "color": style.GREY}
     turn.text(0.98, 0.97, "counter-clockwise", ha="right", va="top", **look)
     turn.text(0.02, 0.03, "clockwise", ha="left", va="bottom", **look)
-    dashed: Any = {"color": style.VERMILION, "lw": 0.9, "ls": (0, (4, 2))}
+    dashed: Any = {"color": style.SHADE, "lw": 0.9, "ls": (0, (4, 2))}
     radius.axhline(0.6, **dashed)
     printed = "0.6 m, as printed"
-    style.note(radius, printed, (0, 0.6), (0, 3), ha="center", color=style.VERMILION)
+    style.note(radius, printed, (0, 0.6), (0, 3), ha="center", color=style.SHADE)
     radius.set(ylabel="turning radius (m)", ylim=(0, None))
     style.letters([turn, radius])
     return figure

@@ -43,7 +43,7 @@ def step_figure(step: pd.DataFrame) -> Figure:
 def _draw_curves(axes: Axes, step: pd.DataFrame) -> None:
     time = step["time"]
     axes.plot(
-        time, step["locked"], color=style.SKY, linewidth=4.0, alpha=0.6,
+        time, step["locked"], color=style.PALE, linewidth=4.0,
         solid_capstyle="butt", label="h(x(t)) with the locks held: f₁ to the end",
     )  # fmt: skip
     axes.plot(
@@ -51,7 +51,7 @@ def _draw_curves(axes: Axes, step: pd.DataFrame) -> None:
         label="h(x(t)): f₁ until t*, then f₂",
     )  # fmt: skip
     axes.plot(
-        time, step["spline"], color=style.VERMILION, linestyle="--", linewidth=1.2,
+        time, step["spline"], color=style.PRINTED, linestyle="--", linewidth=1.2,
         label="Hermite cubic from both ends",
     )  # fmt: skip
     axes.set_xlabel("time (dimensionless)")
@@ -68,17 +68,17 @@ def _name_step(axes: Axes, step: pd.DataFrame) -> None:
         start = np.array([time[place], locked[place]])
         along = 0.5 * np.array([reach, rates[place] * reach])
         ends = np.array([start - along, start + along])
-        axes.plot(*ends.T, color=style.BLUE, linewidth=1.4, zorder=4)
-        axes.plot(*start, "o", color=style.BLUE, markersize=4.5, zorder=5)
+        axes.plot(*ends.T, color=style.SHADE, linewidth=1.4, zorder=4)
+        axes.plot(*start, "o", color=style.SHADE, markersize=4.5, zorder=5)
         side: Any = {"ha": "left", "va": "top"}
         offset = (8, -6)
         if place == -1:
             side = {"ha": "right", "va": "top"}
             offset = (16, -34)
-        style.note(axes, text, tuple(start), offset, fontsize=7, **side)
+        style.note(axes, text, tuple(start), offset, **side)
     instant = float(step["instant"].iloc[0])
     axes.plot(instant, 0.0, "o", color=style.INK, markersize=4, zorder=6)
-    style.note(axes, "event at t*", (instant, 0.0), (-5, 5), fontsize=7, ha="right")
+    style.note(axes, "event at t*", (instant, 0.0), (-5, 5), ha="right")
 
 
 def _enlarge(axes: Axes, step: pd.DataFrame) -> None:
@@ -96,6 +96,6 @@ def _enlarge(axes: Axes, step: pd.DataFrame) -> None:
     power = int(np.floor(np.log10(apart)))
     tens = f"10{str(power).translate(style.SUPERSCRIPTS)}"
     axes.set_xlabel(f"enlarged: |t′ − t*| = {apart / 10.0**power:.1f} × {tens}")
-    for place, colour in ((instant, style.INK), (root, style.VERMILION)):
+    for place, colour in ((instant, style.INK), (root, style.PRINTED)):
         axes.plot(place, 0.0, "o", color=colour, markersize=4, zorder=6)
         axes.axvline(place, color=colour, linewidth=0.6, linestyle=":")

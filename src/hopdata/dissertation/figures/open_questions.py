@@ -20,8 +20,8 @@ CONFIDENCE = 0.95
 # Miss at which a target counts as reached, cm and degrees.
 REACHED = 1e-3
 # What a filter or a gradient is drawn with: label, colour and line.
-WITH = ("with saltation matrices", style.BLUE, "-")
-WITHOUT = ("without", style.VERMILION, "--")
+WITH = ("with saltation matrices", style.OURS, "-")
+WITHOUT = ("without", style.PRINTED, "--")
 
 
 @style.styled
@@ -47,9 +47,7 @@ def filters(table: pd.DataFrame) -> Figure:
         times, errors = median["time_s"], median["prediction"]
         style.banded_line(over_time, times, errors, band, line)
     over_time.axhline(limit, color=style.INK, linewidth=0.7, linestyle=":")
-    style.note(
-        over_time, "95 % of errors\nshould be below", (0.52, limit), (0, 3), fontsize=6
-    )
+    style.note(over_time, "95 % of errors\nshould be below", (0.52, limit), (0, 3))
     over_time.set_yscale("log")
     style.plain_numbers(over_time.yaxis)
     over_time.set_yticks([5, 10, 20, 50, 100])

@@ -15,14 +15,14 @@ PRINTED_SLOPE = 4.2
 THIRD_ORDER = 4.0
 # Label, colour and dash of each method beside the printed one.
 OTHERS: dict[str, tuple[str, str, Any]] = {
-    "corrected": ("slopes refreshed", style.VERMILION, "-"),
-    "dopri5": ("hopdata, DOPRI5", style.BLUE, (0, (5, 1.5))),
-    "dop853": ("hopdata, DOP853", style.GREEN, (0, (1.5, 1.2))),
+    "corrected": ("slopes refreshed", style.PRINTED, "-"),
+    "dopri5": ("hopdata, DOPRI5", style.OURS, (0, (5, 1.5))),
+    "dop853": ("hopdata, DOP853", style.SHADE, (0, (1.5, 1.2))),
 }
 MESH_LOOKS = {
-    "exact": ("exact mesh", style.GREEN, "s"),
-    "dopri5": ("DOPRI5 mesh", style.BLUE, "o"),
-    "heun3": ("Heun's third-order mesh", style.VERMILION, "^"),
+    "exact": ("exact mesh", style.PALE, "s"),
+    "dopri5": ("DOPRI5 mesh", style.OURS, "o"),
+    "heun3": ("Heun's third-order mesh", style.SHADE, "^"),
 }
 BAND = "#D9D9D9"
 
@@ -123,19 +123,17 @@ def _draw_slopes(axes: Axes, slopes: pd.DataFrame, errors: pd.DataFrame) -> None
     inverse = 1.0 / slopes["step"]
     axes.set_xscale("log")
     axes.set_ylabel("slope over a decade of steps")
-    axes.fill_between(
-        inverse, slopes["low"], slopes["high"], color=style.SKY, alpha=0.3, linewidth=0
-    )
+    axes.fill_between(inverse, slopes["low"], slopes["high"], color=BAND, linewidth=0)
     axes.plot(inverse, slopes["slope"], color=style.INK, marker="o", markersize=2.2)
     axes.axhline(THIRD_ORDER, color=style.GREY, linewidth=0.8)
     axes.axhline(
-        PRINTED_SLOPE, color=style.VERMILION, linewidth=0.9, linestyle=(0, (5, 1.5))
+        PRINTED_SLOPE, color=style.SHADE, linewidth=0.9, linestyle=(0, (5, 1.5))
     )
     right = 1.15 * float(inverse.max())
     look: Any = {"ha": "left", "fontsize": 7}
     printed = (right, PRINTED_SLOPE)
     style.note(
-        axes, "4.2: print", printed, (0, 3), va="bottom", color=style.VERMILION, **look
+        axes, "4.2: print", printed, (0, 3), va="bottom", color=style.SHADE, **look
     )
     third = (right, THIRD_ORDER)
     style.note(
@@ -148,7 +146,7 @@ def _draw_slopes(axes: Axes, slopes: pd.DataFrame, errors: pd.DataFrame) -> None
     single = (float(inverse.iloc[place]), float(slopes["high"].iloc[place]))
     style.note(
         axes, "nine of ten single sweeps", single, (0, 6), va="bottom", ha="center",
-        fontsize=7, color=style.BLUE,
+        color=style.SHADE,
     )  # fmt: skip
     limits = 1.0 / errors["step"]
     axes.set_xlim(limits.min() / 1.4, limits.max() * 2.0)

@@ -24,13 +24,13 @@ MODELS = {
 QUANTILES = ("p2_5", "q25", "median_mse", "q75", "p97_5")
 # Method: its label, colour, and place beside the tick.
 METHODS = {
-    "printed": ("printed method", style.ORANGE, -0.19),
-    "hopdata": ("hopdata's method", style.BLUE, 0.19),
+    "printed": ("printed method", style.PRINTED, -0.19),
+    "hopdata": ("hopdata's method", style.OURS, 0.19),
 }
 # Case: its label and colour.
 CASES = {
-    "C1": ("C1 hopper", style.BLUE),
-    "control": ("control: a map for each order", style.VERMILION),
+    "C1": ("C1 hopper", style.OURS),
+    "control": ("control: a map for each order", style.PRINTED),
 }
 PRINTED_IMPACTS = 100
 
@@ -50,7 +50,7 @@ def boxes_figure(boxes: pd.DataFrame) -> Figure:
     Figure
         One logarithmic axis; whiskers from 2.5 % to 97.5 %.
     """
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 70.0)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, 70.0)
     axes = figure.subplots()
     axes.set_yscale("log")
     for method, (_, colour, beside) in METHODS.items():
@@ -221,10 +221,10 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
         sizes = pd.Series(levels.index.to_numpy(float))
         middle = pd.Series(levels["median_error"].to_numpy())
         band = (levels["q05"], levels["q95"])
-        style.banded_line(axes, sizes, middle, band, ("", style.BLUE, "-", "o"))
+        style.banded_line(axes, sizes, middle, band, ("", style.OURS, "-", "o"))
         axes.set_xscale("log")
         axes.set_ylim(0, 1.1 * float(levels["q95"].max()))
-        axes.axvline(PRINTED_IMPACTS, color=style.VERMILION, linewidth=1.0)
+        axes.axvline(PRINTED_IMPACTS, color=style.SHADE, linewidth=1.0)
         last = (float(sizes.iloc[-1]), float(middle.iloc[-1]))
         axes.axhline(last[1], color=style.GREY, linewidth=0.8, linestyle=(0, (4, 2)))
         axes.set_ylabel(label)
@@ -233,7 +233,7 @@ def impacts_figure(table: pd.DataFrame) -> Figure:
         style.plain_numbers(axes.xaxis)
         at = (PRINTED_IMPACTS, 0.97 * axes.get_ylim()[1])
         words = f"the dissertation's {PRINTED_IMPACTS}"
-        style.note(axes, words, at, (4, -6), color=style.VERMILION, fontsize=7)
+        style.note(axes, words, at, (4, -6), color=style.SHADE)
         left_over = f"{last[1]:.3g} % remain: noise and curvature"
         if what == "map":
             left_over = f"{last[1]:.3g} % remain: curvature"

@@ -11,16 +11,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Solver: label, colour, line style. MuJoCo is blue and dashed, the printed method red,
-# as in the print.
+# Solver: label, shade, line style. MuJoCo is dashed, as in the print.
 LINES: dict[str, tuple[str, str, Any]] = {
-    "printed": ("printed method, Python", style.VERMILION, "-"),
+    "printed": ("printed method, Python", style.PRINTED, "-"),
     "MuJoCo, sprung balls": (
         "MuJoCo, springs as balls on joints",
-        style.SKY,
+        style.PALE,
         (0, (1.5, 1.2)),
     ),
-    "MuJoCo": ("MuJoCo, springs as its contacts", style.BLUE, (0, (5, 1.5))),
+    "MuJoCo": ("MuJoCo, springs as its contacts", style.SHADE, (0, (5, 1.5))),
     "hopdata": ("hopdata", style.INK, (0, (5, 1.2, 1.5, 1.2))),
 }
 # Solvers that are drawn on the bed on which the bar settles: label, and marker. Both

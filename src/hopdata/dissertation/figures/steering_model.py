@@ -21,8 +21,8 @@ READINGS = {
 COMPONENTS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}
 # Kernel: its smoothness, label, colour, marker and shift.
 KERNELS = (
-    (1.5, "C1 kernel (3/2), printed", style.BLUE, "o", -0.12),
-    (2.5, "C2 kernel (5/2), said to fail", style.VERMILION, "s", 0.12),
+    (1.5, "C1 kernel (3/2), printed", style.PRINTED, "o", -0.12),
+    (2.5, "C2 kernel (5/2), said to fail", style.OURS, "s", 0.12),
 )
 
 

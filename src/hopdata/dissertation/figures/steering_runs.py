@@ -11,9 +11,9 @@ from hopdata.figures import style
 
 # Who steers: label, colour, marker.
 WHO = {
-    "printed": ("all as printed", style.VERMILION, "s"),
-    "printed controller": ("printed controller, hopdata's model", style.ORANGE, "D"),
-    "planner": ("hopdata's planner", style.BLUE, "o"),
+    "printed": ("all as printed", style.PRINTED, "s"),
+    "printed controller": ("printed controller, hopdata's model", style.SHADE, "D"),
+    "planner": ("hopdata's planner", style.OURS, "o"),
 }
 EXPERIMENTS = {
     "origin": "to the origin",

@@ -14,10 +14,10 @@ from hopdata.figures import style
 
 # Kinds of Fig. 2.5: label, colour, dashes.
 KINDS: dict[str, tuple[str, str, Any]] = {
-    "in_class": ("in-class", style.BLUE, "-"),
-    "cross_class": ("cross-class", style.VERMILION, (0, (5, 1.5))),
-    "noised_identity": ("I + noise", style.GREEN, (0, (1.5, 1.2))),
-    "random": ("random", style.PURPLE, (0, (5, 1.2, 1.5, 1.2))),
+    "in_class": ("in-class", style.OURS, "-"),
+    "cross_class": ("cross-class", style.SHADE, (0, (5, 1.5))),
+    "noised_identity": ("I + noise", style.PRINTED, (0, (1.5, 1.2))),
+    "random": ("random", style.PALE, (0, (5, 1.2, 1.5, 1.2))),
 }
 METHODS = {
     "printed": "printed method",
@@ -27,12 +27,12 @@ METHODS = {
 BOX = (0.05, 0.25, 0.5, 0.75, 0.95)
 # Distance: label, colour, dashes.
 DISTANCES: dict[str, tuple[str, str, Any]] = {
-    "arc_length": ("arc length", style.BLUE, "-"),
-    "chordal_f": ("chordal, Frobenius", style.VERMILION, (0, (5, 1.5))),
-    "projection_f": ("projection, Frobenius", style.GREEN, (0, (1.5, 1.2))),
-    "fubini_study": ("Fubini-Study", style.ORANGE, (0, (5, 1.2, 1.5, 1.2))),
-    "chordal_2": ("chordal, 2-norm", style.PURPLE, (0, (8, 2))),
-    "projection_2": ("projection, 2-norm", style.SKY, (0, (3, 1, 1, 1, 1, 1))),
+    "arc_length": ("arc length", style.OURS, "-"),
+    "chordal_f": ("chordal, Frobenius", style.SHADE, (0, (5, 1.5))),
+    "projection_f": ("projection, Frobenius", style.PRINTED, (0, (1.5, 1.2))),
+    "fubini_study": ("Fubini-Study", style.OURS, (0, (5, 1.2, 1.5, 1.2))),
+    "chordal_2": ("chordal, 2-norm", style.SHADE, (0, (8, 2))),
+    "projection_2": ("projection, 2-norm", style.PRINTED, (0, (3, 1, 1, 1, 1, 1))),
 }
 PRINTED_CUT = 17
 LEAST_DRAWN = 1e-5
@@ -100,16 +100,16 @@ def spectrum_figure(spectrum: pd.DataFrame) -> Figure:
     Figure
         One panel, logarithmic; values below 1e-5 stand at the bottom.
     """
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 76.0)
+    figure = style.paper_figure(style.WIDEST_PANEL_MM, 76.0)
     axes = figure.subplots()
     axes.set_yscale("log")
     n = len(spectrum)
     axes.axvspan(n - 1.5, n + 0.5, color=style.GREY, alpha=0.2, linewidth=0)
     x = spectrum["component"]
     lines = {
-        "noise_sd": ("noise in this component", style.VERMILION, (0, (4, 2)), ""),
-        "true_sd": ("the same landings without noise", style.GREEN, "-", "."),
-        "sd": ("measured", style.BLUE, "", "o"),
+        "noise_sd": ("noise in this component", style.SHADE, (0, (4, 2)), ""),
+        "true_sd": ("the same landings without noise", style.PRINTED, "-", "."),
+        "sd": ("measured", style.OURS, "", "o"),
     }
     for name, (label, colour, dash, marker) in lines.items():
         shown = spectrum[name].clip(lower=LEAST_DRAWN)
@@ -125,7 +125,7 @@ def spectrum_figure(spectrum: pd.DataFrame) -> Figure:
     axes.axvline(PRINTED_CUT + 0.5, color=style.INK, linewidth=0.8)
     style.note(
         axes, "17 leading | 17 small", (PRINTED_CUT + 0.5, 1.0), (0, -2), ha="center",
-        bbox=style.ON_WHITE, fontsize=7,
+        bbox=style.ON_WHITE,
     )  # fmt: skip
     axes.text(
         n - 0.5, 1.5e-4, "the two sections", rotation=90, ha="center", va="center"

@@ -299,8 +299,8 @@ PLACE = "place"
 HEADING = "place and heading"
 GOALS = {PLACE: 2, HEADING: 3}
 #: Largest hidden choice that a target is drawn from, as a share of the limits.
-#: Unit: 1. Origin: measured: docs/gradient.md. At 0.6 some targets have local minima at
-#: the limits, at which any optimiser with a right gradient stops.
+#: Unit: 1. Origin: measured: docs/gradients.md. At 0.6 some targets have local minima
+#: at the limits, at which any optimiser with a right gradient stops.
 HIDDEN = 0.3
 # What the optimiser knows of contacts.
 THROUGH = "through contacts"

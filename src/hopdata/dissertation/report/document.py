@@ -25,9 +25,9 @@ HEAD = (
     "why",
 )
 INTRODUCTION = """\
-Here you can look up each result of the dissertation *C1-Smooth Multi-Contact Dynamics
-for Robotics*: what it prints, what the printed method gives here, and what hopdata's
-own method gives. The order is that of the text.
+After this page you know of each result of the dissertation *C1-Smooth Multi-Contact
+Dynamics for Robotics* what it prints, what the printed method gives here, and what
+hopdata's own method gives. The order is that of the text.
 
 `snakemake --cores 2 dissertation` measures every number, and makes
 `results/dissertation/index.html`, the same table with the figures;

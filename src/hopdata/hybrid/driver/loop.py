@@ -248,6 +248,8 @@ def start(p: problem.Problem, m: Memory, out: dense.Output, log: Log) -> int:
     dense.write_row(m, out, m.clock[at.T], at.Y)
     for k in range(m.guards.width):
         m.guards[at.SIZE, k] = abs(m.guards[at.H0, k])
+        if m.flags[at.OPEN, k] != 0 and m.guards[at.H0, k] == 0.0:
+            m.counts[at.ON_SURFACE] += 1
     return fire_at_start(p, m, out, log)
 
 

@@ -310,6 +310,7 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
     ]
     rows = []
     if verdict["effect"]:
+        # Without an upper end there is none: null in the file.
         row = {"true_effect": true, "conclusion": verdict["conclusion"]}
         rows.append(row | verdict["effect"])
     return pd.DataFrame(rows, columns=[*columns, "conclusion"])
@@ -323,7 +324,8 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
     entries = {}
     for name, (column, what) in TOLD["verdict"].items():
         entries[name] = entry(float(row[column]), "1", what)
-    inside = bool(row["low"] <= row["true_effect"] <= row["high"])
+    is_below = pd.isna(row["high"]) or row["true_effect"] <= row["high"]
+    inside = bool(row["low"] <= row["true_effect"] and is_below)
     what = "Whether the verdict's interval holds the true difference"
     entries["verdict_interval_covers"] = entry(inside, "yes/no", what)
     return entries

@@ -6,8 +6,10 @@ see `signs`. Residual smooth terms shift b equally in every study of a system, s
 up to `allowed` is not evidence.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +64,10 @@ MOST_LANDINGS = 20_000
 MORE_SPREAD = str(Message("maps.more_spread"))
 
 
+# Values that may be infinite.
+UPPER_ENDS = ("high", "upper_bound")
+
+
 @dataclass(frozen=True, repr=False)
 class EffectSize(Shown):
     """Relative difference between the Jacobians of the contact orders.
@@ -72,11 +78,12 @@ class EffectSize(Shown):
         Size, after the mean contribution of noise to its square has been subtracted.
     low, high
         Ends of the interval; `low` is above zero exactly if the test finds more than
-        `allowed`.
+        `allowed`. `high` is infinite if no upper end can be given: see
+        `at_the_contact`.
     upper_bound
         One-sided bound: at the given confidence the difference is not larger than this.
         Like `high`, it is never below the value that the median study without a
-        difference gives.
+        difference gives; infinite if `high` is.
     detectable
         Exact size of a difference that the test finds with the given power, over
         directions and what smooth terms add or hide.
@@ -115,9 +122,34 @@ class EffectSize(Shown):
 
     def _told(self) -> str:
         """Return the estimate, its interval, the bound and the detectable size."""
+        shown = f"detectable from {self.detectable:.2g}"
+        if not self.is_bounded:
+            ends = f"at least {self.low:.2g}, without an upper end"
+            return f"{self.estimate:.2g} (extrapolated), {ends}; {shown}"
         size = f"{self.estimate:.2g}, {self.low:.2g} to {self.high:.2g}"
-        bound = f"at most {self.upper_bound:.2g}"
-        return f"{size}; {bound}; detectable from {self.detectable:.2g}"
+        return f"{size}; at most {self.upper_bound:.2g}; {shown}"
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether an upper end can be given."""
+        return math.isfinite(self.upper_bound)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all values; infinite ends are None, as JSON has no infinity."""
+        values = asdict(self)
+        for name in UPPER_ENDS:
+            if not math.isfinite(values[name]):
+                values[name] = None
+        return values
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> "EffectSize":
+        """Return the size of which `to_dict` made `content`."""
+        values = dict(content)
+        for name in UPPER_ENDS:
+            if values[name] is None:
+                values[name] = math.inf
+        return cls(**values)
 
     @property
     def least_allowed(self) -> float:
@@ -331,7 +363,7 @@ class AtContact:
     Attributes
     ----------
     size
-        Size at the simultaneous contact.
+        Size at the simultaneous contact; without an upper end if the kinks saturate.
     saturates
         Whether the kinks are found to saturate.
     p_value
@@ -356,10 +388,11 @@ def at_the_contact(
     """Return the size at the simultaneous contact.
 
     It is that over the landings unless the kinks are found to saturate. Then the
-    estimate is that for the slowest time constant in doubt. The upper ends are the
-    largest for all time constants, since kinks that saturate in a way of their own are
-    fitted best by a wrong one. `low` remains: kinks that saturate are smaller over the
-    landings than at the contact.
+    estimate is that for the slowest time constant in doubt, extrapolated from landings
+    in which part of the difference is spent. How much more there is at the contact
+    depends on the shape in which it is spent, which landings away from the contact do
+    not tell. So there is no upper end. `low` remains: kinks that saturate are smaller
+    over the landings than at the contact.
 
     Parameters
     ----------
@@ -383,13 +416,8 @@ def at_the_contact(
     if estimate <= max(fit.allowed, over_landings.estimate):
         # Smooth terms may leave as much, or the kinks grow with the delay instead.
         return AtContact(over_landings, saturates=False, p_value=p_value)
-    sizes = [size(fit.with_slopes(of_constant)) for of_constant in fits]
-    every = [over_landings, *sizes]
     found = replace(
-        over_landings,
-        estimate=estimate,
-        high=max(one.high for one in every),
-        upper_bound=max(one.upper_bound for one in every),
+        over_landings, estimate=estimate, high=math.inf, upper_bound=math.inf
     )
     return AtContact(found, saturates=True, p_value=p_value)
 

@@ -26,9 +26,9 @@ from hopdata.maps.verdict import data, inputs, limits
 from hopdata.maps.verdict import orders as which
 from hopdata.maps.verdict.comparison import compared
 from hopdata.maps.verdict.data import Measured, Options
-from hopdata.maps.verdict.effect import EffectSize
+from hopdata.maps.verdict.effect import AtContact, EffectSize
+from hopdata.maps.verdict.preliminary import preliminary
 from hopdata.maps.verdict.sizes import at_contact, sizes_of
-from hopdata.maps.verdict.so_far import so_far
 from hopdata.maps.verdict.what_now import (
     Limit,
     limits_of_reason,
@@ -46,8 +46,21 @@ from hopdata.maps.verdict.words import (
     outlook,
     percent,
     sentence,
+    with_reservation,
+    without_upper_end,
 )
 from hopdata.messages import Message
+
+# Names that verdicts of earlier versions have in their files -> those of this version.
+EARLIER_NAMES = {
+    "foretold": "contacts_r2",
+    "mainly": "main_contrast",
+    "so_far": "preliminary",
+    "untold": "unknown_because",
+}
+
+# Values of a verdict that are sizes.
+SIZES = ("effect", "effect_over_landings", "jump")
 
 
 @dataclass(frozen=True, repr=False)
@@ -80,7 +93,7 @@ class Verdict(Shown):
         Number of random sign patterns.
     effect
         Size of the difference at the simultaneous contact; None if it could not be
-        computed.
+        computed. If the difference saturates, it has no upper end.
     effect_over_landings
         Size of the mean difference over the landings. It is the same as ``effect``
         unless the difference saturates as the contacts come farther apart.
@@ -102,11 +115,12 @@ class Verdict(Shown):
         Number of landings that show a difference of `ASKED` with the given power; None
         if the size could not be computed, if the jump decided, or if no number
         suffices.
-    foretold
-        Share of the contact instants' mean square that the inputs foretell; None if it
-        could not be computed. The inputs are the state before the landing, and the feet
-        if `posture` says so. The rest (legs whose length varies from landing to
-        landing, noise in the state) rounds kinks and jumps, which sizes allow for.
+    contacts_r2
+        Share of the contact instants' mean square that the inputs foretell in landings
+        left out of the fit (cross-validated R²); None if it could not be computed. The
+        inputs are the state before the landing, and the feet if `posture` says so. The
+        rest (legs whose length varies from landing to landing, noise in the state)
+        rounds kinks and jumps, which sizes allow for.
     posture
         What the verdict knows of the feet before the landing, in words.
     session
@@ -118,17 +132,17 @@ class Verdict(Shown):
     orders
         Size of each pair of contact orders, or of feet, and of each order against all
         others: see `hopdata.maps.verdict.orders.PairEffect`.
-    mainly
+    main_contrast
         Which orders differ most, in words; empty if no pair was found.
     gross_errors
         Rows, from 1, of the landings that were left out as far off, by reason: see
         `hopdata.maps.verdict.rows`.
-    so_far
+    preliminary
         Where no size could be computed: ``orders``, each contact order that occurs with
         its number of ``landings``; ``least_landings``, of which a verdict is made; and
-        ``foretold``, the share of how the contacts vary from landing to landing that
+        ``contacts_r2``, the share of how the contacts vary from landing to landing that
         state and feet foretell, None if it cannot be told, with the reason in
-        ``untold``. Otherwise empty. See `hopdata.maps.verdict.so_far`.
+        ``unknown_because``. Otherwise empty: see `hopdata.maps.verdict.preliminary`.
     notes
         Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
         ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
@@ -138,7 +152,7 @@ class Verdict(Shown):
         fall without it), ``said`` in words, ``code`` and ``values``: see `what_now`.
     messages
         Codes and values of ``sentence``, ``outlook``, ``compared``, ``contacts`` and
-        ``mainly``, where these are not empty.
+        ``main_contrast``, where these are not empty.
     """
 
     conclusion: str
@@ -162,14 +176,14 @@ class Verdict(Shown):
     jump: EffectSize | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
-    foretold: float | None = None
+    contacts_r2: float | None = None
     levels: Mapping[str, float] = field(default_factory=dict)
     orders: Sequence[Mapping[str, Any]] = field(default_factory=list)
-    mainly: str = ""
+    main_contrast: str = ""
     posture: str = ""
     session: Sequence[str] = ()
     gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
-    so_far: Mapping[str, Any] = field(default_factory=dict)
+    preliminary: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     what_now: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
@@ -186,7 +200,12 @@ class Verdict(Shown):
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``."""
-        return asdict(self)
+        values = asdict(self)
+        for name in SIZES:
+            size = getattr(self, name)
+            if size is not None:
+                values[name] = size.to_dict()
+        return values
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> "Verdict":
@@ -198,14 +217,14 @@ class Verdict(Shown):
             If it is not what `to_dict` returns; the message names what differs.
         """
         wanted = {one.name for one in fields(cls)}
-        if {*content} != wanted:
-            odd = ", ".join(sorted(wanted ^ {*content}))
+        values = _with_names_of_this_version(content)
+        if {*values} != wanted:
+            odd = ", ".join(sorted(wanted ^ {*values}))
             found = f"other ones ({odd}): it is of another version of hopdata"
             raise AnalysisError.at("verdict", "the values of this version", found)
-        values = dict(content)
-        for name in ("effect", "effect_over_landings", "jump"):
+        for name in SIZES:
             if values[name] is not None:
-                values[name] = EffectSize(**values[name])
+                values[name] = EffectSize.from_dict(values[name])
         values["session"] = tuple(values["session"])
         values["messages"] = {
             name: Message.from_dict(one) for name, one in values["messages"].items()
@@ -232,6 +251,15 @@ class Verdict(Shown):
         """
         draw = figure_function("verdict:size_figure")
         return draw(self.to_dict(), ax=ax, style=style)
+
+
+def _with_names_of_this_version(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a ``verdict.json``, by the names of this version."""
+    values = {EARLIER_NAMES.get(name, name): value for name, value in content.items()}
+    for name in {"preliminary", "messages"} & {*values}:
+        inner = values[name]
+        values[name] = {EARLIER_NAMES.get(key, key): inner[key] for key in inner}
+    return values
 
 
 @told_call
@@ -334,12 +362,12 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jump = sizes.jump
 
     answer = _answer(
-        effect,
+        contact,
+        over_landings,
         comparison.what,
         measured,
         options,
         spreads,
-        saturates=contact.saturates,
     )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
@@ -350,7 +378,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         growth = fit.growth(landings)
         limited += limits.grows(growth)
         if limits.fades(growth):
-            fading = _with_reservation(answer.sentence, Message("maps.fades"))
+            fading = with_reservation(answer.sentence, Message("maps.fades"))
             answer = replace(answer, sentence=fading)
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)
@@ -362,7 +390,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     }
     most = which.mainly(sizes.orders, landings.expected, sizes.alone, foot_names)
     if most is not None:
-        messages["mainly"] = most
+        messages["main_contrast"] = most
     now: list[Limit] = []
     if answer.conclusion == CANNOT_TELL:
         now = what_limits_most(
@@ -371,7 +399,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
             landings,
             margin=margin,
             alike=sizes.alike,
-            at_contact=effect if contact.saturates else None,
+            saturates=contact.saturates,
         )
     return Verdict(
         conclusion=answer.conclusion,
@@ -395,10 +423,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         jump=jump,
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
-        foretold=landings.foretold,
+        contacts_r2=landings.foretold,
         levels=sizes.levels,
         orders=[asdict(pair) for pair in sizes.orders],
-        mainly=str(most or ""),
+        main_contrast=str(most or ""),
         posture=landings.posture.value,
         session=fit.session,
         gross_errors=sound.left_out,
@@ -430,7 +458,7 @@ def _no_answer(
     known_so_far: dict[str, Any] = {}
     rows = measured.known()
     if measured.n_feet > 1 and rows.any():
-        found = so_far(
+        found = preliminary(
             measured.before[rows],
             measured.after[rows],
             measured.instants[rows],
@@ -454,7 +482,7 @@ def _no_answer(
         margin=options.margin,
         power=options.power,
         flips=options.flips,
-        so_far=known_so_far,
+        preliminary=known_so_far,
         notes=[*left_out, note],
         what_now=[
             one.to_dict()
@@ -483,33 +511,37 @@ class _Answer:
 
 
 def _answer(
-    effect: EffectSize,
+    contact: AtContact,
+    over_landings: EffectSize,
     what: Message,
     measured: Measured,
     options: Options,
     spreads: float | None,
-    *,
-    saturates: bool,
 ) -> _Answer:
-    """Return what the size of the difference says."""
+    """Return what the size of the difference says.
+
+    The sentence tells the size over the landings. If the difference saturates, that at
+    the simultaneous contact is known from below only.
+    """
+    effect = contact.size
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
     needed = None
     if effect.least_allowed < ASKED:
         needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
     could_show = outlook(effect, needed, measured.n_known, options.power)
-    if saturates:
+    if contact.saturates:
         could_show = Message("maps.outlook_saturates", {"outlook": could_show})
     said = sentence(
         conclusion,
-        effect.sizes(),
+        over_landings.sizes(),
         what,
         options.confidence,
         options.margin,
         spreads=spreads,
-        over_landings=not saturates,
+        over_landings=True,
     )
-    if conclusion == DIFFERENT and saturates:
-        said = _with_reservation(said, Message("maps.extrapolated"))
+    if contact.saturates:
+        said = without_upper_end(said, conclusion, effect.low)
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",
@@ -517,12 +549,6 @@ def _answer(
         sentence=said,
         outlook=could_show,
     )
-
-
-def _with_reservation(sentence: Message, reservation: Message) -> Message:
-    """Return what is said of a difference, and what it leaves open."""
-    values = {"different": sentence, "reservation": reservation}
-    return Message("maps.different_reserved", values)
 
 
 def _with_jump(

@@ -130,11 +130,9 @@ def grows(growth: Growth | None) -> Notes:
     """
     if growth is None:
         return []
-    values = {
-        "slope": f"{growth.slope:.2g}",
-        "low": f"{growth.low:.2g}",
-        "high": f"{growth.high:.2g}",
-    }
+    # For programs. In words it would promise too much: the slopes that fit are those
+    # of one family of shapes, and the difference may be of another.
+    values = {"slope": f"{growth.slope:.2g}"}
     if fades(growth):
         return [_note("grows", **values)]
     if growth.high >= CURVATURE:

@@ -82,7 +82,7 @@ class Limit:
 def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]:
     """Return what limits a study without a size; nothing if it is another mistake.
 
-    `orders` are those that occur, with their ``landings``: see `so_far`.
+    `orders` are those that occur, with their ``landings``: see `preliminary`.
     """
     found = REASONS.get(str(error.code))
     if found is None:
@@ -119,7 +119,7 @@ def what_limits_most(
     *,
     margin: float,
     alike: bool,
-    at_contact: EffectSize | None = None,
+    saturates: bool = False,
 ) -> list[Limit]:
     """Return the causes that limit a study, the one that costs most first.
 
@@ -131,13 +131,13 @@ def what_limits_most(
         Difference that the study is to exclude.
     alike
         Whether successive landings err alike.
-    at_contact
-        Size at the simultaneous contact, if the difference saturates.
+    saturates
+        Whether the difference is found to saturate.
     """
     shown = min(effect.detectable, 1e3)
     size = _Detectable(fit.allowed, max(shown - fit.allowed, 0.0), margin)
     found = [
-        _of_landings(effect, landings, size, saturates=at_contact is not None),
+        _of_landings(effect, landings, size, saturates=saturates),
         _of_noise(fit, landings, size),
         _of_posture(fit, landings, size),
         _of_spread(fit, landings),
@@ -147,20 +147,19 @@ def what_limits_most(
     least = LEAST_SHARE * shown
     listed = [one for one in found if (one.costs or 0.0) > least]
     listed.sort(key=lambda one: -(one.costs or 0.0))
-    return _of_saturation(effect, at_contact) + listed + _missing_orders(landings)
+    return (
+        _of_saturation(effect, saturates=saturates) + listed + _missing_orders(landings)
+    )
 
 
-def _of_saturation(effect: EffectSize, at_contact: EffectSize | None) -> list[Limit]:
-    """Return what saturation adds to the bound, if it is found.
+def _of_saturation(effect: EffectSize, *, saturates: bool) -> list[Limit]:
+    """Return that saturation leaves no bound at the contact, if it is found.
 
     It stands first: what the others cost is told of the mean over the landings.
     """
-    if at_contact is None:
+    if not saturates:
         return []
-    values = {
-        "bound": percent(at_contact.upper_bound),
-        "over": percent(effect.upper_bound),
-    }
+    values = {"over": percent(effect.upper_bound)}
     return [Limit("saturation", None, Message("maps.limit_saturation", values))]
 
 

@@ -60,7 +60,7 @@ def sentence(
         `Verdict.holds_from` in contact spreads: what the bound does not cover is said
         with it.
     over_landings
-        Whether the bound is one over the landings only.
+        Whether the sizes are those over the landings.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
@@ -86,6 +86,30 @@ def sentence(
         name = f"group_{name}"
         values["subjects"] = subjects
     return Message(f"maps.{name}", values)
+
+
+def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
+    """Return the sentence on a difference that saturates, with what holds at contact.
+
+    Parameters
+    ----------
+    said
+        The sentence on its size over the landings.
+    conclusion
+        One of `DIFFERENT` and `CANNOT_TELL`.
+    low
+        Low end of the size at the simultaneous contact.
+    """
+    if conclusion == CANNOT_TELL:
+        return Message("maps.cannot_tell_at_contact", said.values)
+    at_contact = Message("maps.no_upper_end", {"low": percent(low)})
+    return with_reservation(said, at_contact)
+
+
+def with_reservation(sentence: Message, reservation: Message) -> Message:
+    """Return what is said of a difference, and what it leaves open."""
+    values = {"different": sentence, "reservation": reservation}
+    return Message("maps.different_reserved", values)
 
 
 def outlook(

@@ -22,7 +22,9 @@
 }
 // What fits into the window needs no stop of the tab key; what is wider is scrolled by keys.
 const stops = new ResizeObserver((seen) => seen.forEach(({ target }) => {
-  target.tabIndex = target.scrollWidth > target.clientWidth + 1 ? 0 : -1;
+  const scrolls = target.scrollWidth > target.clientWidth + 1;
+  target.tabIndex = scrolls ? 0 : -1;
+  target.classList.toggle("wide", scrolls);
 }));
 document.querySelectorAll(".picture, .table, pre").forEach((one) => stops.observe(one));
 const as_picture = (drawn) => new XMLSerializer().serializeToString(drawn)
@@ -91,8 +93,6 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
   const figure = drawn.querySelector("[id^=figure_]"), found = figure ? parts(figure) : [];
   drawn.remove();
   const panels = found.filter((part) => /^(axes|subfigure)/.test(part.of[0].id));
-  // A single panel is drawn smaller instead, so that nothing of it is cut.
-  if (panels.length === 1) wide.classList.add("whole");
   if (panels.length < 2 || panels.some(({ left, right }) => right - left > room)) return;
   const all = found.flatMap((part) => part.of);
   found.forEach(({ left, right, top, bottom, of }, number) => {

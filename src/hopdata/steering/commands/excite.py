@@ -174,9 +174,14 @@ def learn(options: argparse.Namespace) -> int:
     from hopdata.jobs import write_table
     from hopdata.steering.control.forecast import NEIGHBOURS, forecast, warning
     from hopdata.steering.frame_changes import is_hopper
-    from hopdata.steering.models.learning import learned_and_rest, prediction_score
+    from hopdata.steering.models.learning import (
+        learned_and_rest,
+        moves_of,
+        prediction_score,
+    )
     from hopdata.steering.models.process_file import save_process
     from hopdata.steering.models.training import trained_process
+    from hopdata.steering.observation.geometry import load_geometry
 
     folder = options.folders[0]
     _require_one_geometry(options.folders)
@@ -199,13 +204,18 @@ def learn(options: argparse.Namespace) -> int:
         if is_hopper(process.axes):
             expected = forecast(process, rest, state=[np.pi])
             scores = scores.assign(**expected.columns())
-    scores = scores.assign(training_hops=len(train), test_hops=len(rest))
+    moves = moves_of(train, load_geometry(folder / GEOMETRY))
+    scores = scores.assign(moves=True, training_hops=len(train), test_hops=len(rest))
+    scores.loc[: len(moves) - 1, "moves"] = moves
+    # What does not move has no variance that could be explained.
+    scores.loc[~scores["moves"], "r2"] = np.nan
     save_process(folder / MODEL, process)
     write_table(folder / SCORES, scores)
     learned = f"{len(train)} strides, tested on {len(rest)}"
     print(f"{folder / MODEL}: learned from {learned}")
     for row in scores.to_dict("records"):
-        print(f"  {row['component']:8} r2 {row['r2']:.2f}")
+        told = f"r2 {row['r2']:.2f}" if row["moves"] else "does not move"
+        print(f"  {row['component']:8} {told}")
     said = warning(scores)
     if said is not None:
         print(f"warning: {said}")

@@ -91,7 +91,7 @@ def _draw_push(axes: Axes, ahead_m: float, height_m: float) -> None:
     # A line that is not seen makes room for the arrow.
     x, y = np.stack([start, end]).T
     axes.plot(x, y, lw=0)
-    arrow: Any = {"arrowstyle": "-|>", "lw": 1.6, "color": style.VERMILION}
+    arrow: Any = {"arrowstyle": "-|>", "lw": 1.6, "color": style.INK}
     axes.annotate("", tuple(end), tuple(start), arrowprops=arrow, zorder=9)
 
 
@@ -140,7 +140,7 @@ def _draw_above(axes: Axes, stances: pd.DataFrame) -> None:
     draw_headings(axes, stances)
     free: Any = {"mfc": "white", "mec": style.INK, "ls": "", "marker": "o", "ms": 3.5}
     axes.plot(x[~touched], y[~touched], label="stance", **free)
-    pushing: Any = {**free, "mfc": style.VERMILION}
+    pushing: Any = {**free, "mfc": style.INK}
     axes.plot(x[touched], y[touched], label="stance that pushes", **pushing)
     limit_m = first_m - reach_m
     axes.axvline(limit_m, color=style.GREY, lw=0.6, ls=(0, (3, 2)))
@@ -152,21 +152,21 @@ def _draw_above(axes: Axes, stances: pd.DataFrame) -> None:
 
 # The live loop (Fig. 3.4).
 
-BOX = (1.66, 0.98)  # width and height of a box, in the units of `PLACES`
+BOX = (1.72, 1.34)  # width and height of a box, in the units of `PLACES`
 KIND_LOOK: dict[str, dict[str, Any]] = {
     "outside": {"facecolor": "white", "linestyle": (0, (3, 2))},
-    "thread": {"facecolor": "#e3eef6"},
-    "store": {"facecolor": "#f8ecd4"},
+    "thread": {"facecolor": "#efefef"},
+    "store": {"facecolor": "#d6d6d6"},
 }
 PLACES = {
     "cameras": (0.0, 0.0),
     "hopdata-stream": (2.4, 0.0),
     "FrameBuffer": (4.8, 0.0),
     "hopdata-control": (7.2, 0.0),
-    "boom of the robot": (0.0, -1.9),
-    "hopdata-boom": (2.4, -1.9),
-    "hopdata-watch": (4.8, -1.9),
-    "hopdata-log": (7.2, -1.9),
+    "boom of the robot": (0.0, -2.3),
+    "hopdata-boom": (2.4, -2.3),
+    "hopdata-watch": (4.8, -2.3),
+    "hopdata-log": (7.2, -2.3),
 }
 
 
@@ -187,7 +187,7 @@ def loop_figure(parts: pd.DataFrame, flows: pd.DataFrame) -> Figure:
     Figure
         The part that the dissertation's figure has is drawn with thick lines.
     """
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 76.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 92.0)
     axes = figure.subplots()
     # A table that was read again has no empty texts.
     for flow in flows.fillna("").to_dict("records"):
@@ -201,7 +201,7 @@ def loop_figure(parts: pd.DataFrame, flows: pd.DataFrame) -> Figure:
     axes.plot([], [], color=style.GREY, lw=0.7, label="added here")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, -0.1), ncols=5)
     axes.set_aspect("equal")
-    axes.set(xlim=(-1.0, 8.2), ylim=(-2.75, 0.75))
+    axes.set(xlim=(-1.0, 8.2), ylim=(-3.3, 0.95))
     axes.set_axis_off()
     return figure
 
@@ -218,11 +218,11 @@ def _draw_part(axes: Axes, part: Mapping[Any, Any]) -> None:
     shown = part["name"]
     class_name = part["owner"].partition(":")[2]
     if part["kind"] == "thread":
-        shown = f"{class_name}\nthread {part['name']}"
-    name: Any = {"va": "top", "fontsize": style.pt(6.2), "weight": "bold"}
-    axes.text(x, y + 0.4, shown, ha="center", **name)
-    lines = _wrapped(part["does"], 27)
-    axes.text(x, y - 0.42, lines, ha="center", va="bottom", fontsize=style.pt(5.6))
+        axes.text(x, y + 0.42, f"thread {part['name']}", ha="center", va="top")
+        shown = class_name
+    axes.text(x, y + 0.62, shown, ha="center", va="top", weight="bold")
+    lines = _wrapped(part["does"], 22)
+    axes.text(x, y - 0.62, lines, ha="center", va="bottom")
 
 
 def _line_of(element: Mapping[Any, Any]) -> tuple[float, str]:
@@ -259,10 +259,10 @@ def _draw_flow(axes: Axes, flow: Mapping[Any, Any]) -> None:
     if method:
         label = f"{label}\n.{method}()"
     x, y = (start + end) / 2
-    look: Any = {"fontsize": style.pt(5.4), "color": style.INK}
+    look: Any = {"color": style.INK}
     if way[1] == 0:
         axes.text(x, y + 0.06, label, ha="center", va="bottom", **look)
     elif way[0] < 0:
-        axes.text(x - 0.12, y + 0.1, label, ha="right", va="center", **look)
+        axes.text(x + 0.12, y - 0.1, label, ha="left", va="center", **look)
     else:
         axes.text(x + 0.12, y + 0.1, label, ha="left", va="center", **look)

@@ -21,7 +21,7 @@ COMPONENTS = {
 }
 # Colour maps of a component, of one that is centred on zero, and of deviations.
 ONE_SIDED = "cividis"
-ABOUT_ZERO = "RdBu_r"
+ABOUT_ZERO = style.OF_SIGNS
 SPREAD = "Greys"
 # Quantiles of the hops that the colours cover.
 COVERED = [0.02, 0.98]
@@ -155,7 +155,7 @@ def _draw_deviation(
     """Draw the standard deviation of a component, and where the hops are."""
     limits = (maps[name].min(), maps[name].max())
     image = _draw_map(axes, maps, name, SPREAD, limits)
-    dots: Any = {"color": style.VERMILION, "s": 1.5, "linewidths": 0}
+    dots: Any = {"color": style.INK, "s": 1.5, "linewidths": 0}
     axes.scatter(hops["boom_angle_rad"], hops["swing_rad"], **dots)
     return image
 
@@ -218,7 +218,7 @@ def _axes(panels: Any) -> None:
 # Model: its label, colour, line style and marker.
 LINES: dict[str, tuple[str, str, Any, str]] = {
     "printed": ("as printed", style.GREY, "-", "o"),
-    "recommended": ("periodic, standardised", style.BLUE, "-", "s"),
+    "recommended": ("periodic, standardised", style.OURS, "-", "s"),
 }
 PANELS = {"dx": "forward (mm)", "dy": "sideways (mm)", "dtheta": "turn (degrees)"}
 
@@ -269,14 +269,14 @@ def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
 # Reading: its label, colour, line style and marker.
 READINGS: dict[str, tuple[str, str, Any, str]] = {
     "printed, all fixed": ("printed formula, nothing fitted", style.GREY, "-", "o"),
-    "printed, length fitted": ("length fitted, mm", style.ORANGE, (0, (5, 1.5)), "v"),
+    "printed, length fitted": ("length fitted, mm", style.PRINTED, (0, (5, 1.5)), "v"),
     "printed, length and noise fitted, mm": (
-        "length and noise fitted, mm", style.GREEN, (0, (3, 1, 1, 1)), "D",
+        "length and noise fitted, mm", style.SHADE, (0, (3, 1, 1, 1)), "D",
     ),
     "printed, length and noise fitted, m": (
-        "length and noise fitted, m", style.VERMILION, (0, (1.5, 1.2)), "^",
+        "length and noise fitted, m", style.PALE, (0, (1.5, 1.2)), "^",
     ),
-    "standardised, all fitted": ("standardised, all fitted", style.BLUE, "-", "s"),
+    "standardised, all fitted": ("standardised, all fitted", style.OURS, "-", "s"),
 }  # fmt: skip
 DATA = {"smooth truth": "analytic, smooth", "hopper": "hopper"}
 COLUMNS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}

@@ -135,7 +135,7 @@ def _stage(positions: Any) -> tuple[Figure, dict[str, Any], float]:
     highest = 1.1 * float(np.nanmax(positions[..., 2]))
     side.set(ylim=(-0.05, highest), xlabel="x (m)", ylabel="height (m)")
     side.axhline(0.0, color=style.INK, linewidth=0.8)
-    above.plot(0, 0, marker="*", color=style.VERMILION, mec="white", ms=12)
+    above.plot(0, 0, marker="*", color=style.INK, mec="white", ms=12)
     return figure, _moving(above, side), 2 * half
 
 
@@ -145,7 +145,7 @@ def _moving(above: Any, side: Any) -> dict[str, Any]:
     def line(axes: Any, kind: str, **look: Any) -> Any:
         return axes.plot([], [], kind, animated=True, **look)[0]
 
-    body: Any = {"color": style.BLUE, "alpha": 0.75, "animated": True}
+    body: Any = {"color": style.SHADE, "alpha": 0.75, "animated": True}
     corner: Any = {"transform": above.transAxes, "va": "top", "animated": True}
     boom: Any = {"color": style.INK, "markevery": [1]}  # a marker at its end only
     return {
@@ -154,7 +154,7 @@ def _moving(above: Any, side: Any) -> dict[str, Any]:
         "body": above.fill([0, 0, 0], [0, 0, 0], **body)[0],
         "boom": line(above, "o-", lw=1.6, ms=5, **boom),
         "time": above.text(0.02, 0.98, "", **corner),
-        "side_body": line(side, "o-", color=style.BLUE, lw=2, ms=3),
+        "side_body": line(side, "o-", color=style.SHADE, lw=2, ms=3),
         "side_boom": line(side, "o-", lw=1.2, ms=4, **boom),
     }
 
@@ -198,11 +198,11 @@ def _move(
 
 LOOKS = {
     "none": ("boom at rest", style.GREY, "v"),
-    "random": ("random swings", style.ORANGE, "^"),
-    "printed": ("printed controller", style.VERMILION, "s"),
-    "planner": ("planner", style.BLUE, "o"),
-    "adaptive": ("planner that goes on learning", style.PURPLE, "P"),
-    "ceiling": ("planner that knows the true map", style.GREEN, "D"),
+    "random": ("random swings", style.PALE, "^"),
+    "printed": ("printed controller", style.PRINTED, "s"),
+    "planner": ("planner", style.OURS, "o"),
+    "adaptive": ("planner that goes on learning", style.SHADE, "P"),
+    "ceiling": ("planner that knows the true map", style.SHADE, "D"),
 }
 TASKS = {
     "origin": "to the origin",
@@ -311,8 +311,8 @@ def _draw_horizons(axes: Axes, horizons: pd.DataFrame) -> None:
 # Curve: its label, colour, line style and marker, in drawing order: the measured one is
 # on top.
 CURVES: dict[str, tuple[str, str, Any, str]] = {
-    "pure": ("pure simulation", style.VERMILION, (0, (1.2, 1.2)), ""),
-    "response": ("simulated control response", style.BLUE, (0, (4, 1.5)), "x"),
+    "pure": ("pure simulation", style.PRINTED, (0, (1.2, 1.2)), ""),
+    "response": ("simulated control response", style.SHADE, (0, (4, 1.5)), "x"),
     "measured": ("simulated run", style.INK, "-", "o"),
 }
 POINT = "point"  # rows of the table that are way-points
@@ -498,7 +498,7 @@ def _draw_arena(
 
 def _draw_goal(axes: Axes, point_m: FloatArray, near_m: float, label: str) -> None:
     """Draw a point to go to, (2,), and how near it counts as reached."""
-    star: Any = {"color": style.VERMILION, "mec": "white", "mew": 0.5, "ms": 10}
+    star: Any = {"color": style.INK, "mec": "white", "mew": 0.5, "ms": 10}
     axes.plot(*point_m, "*", zorder=5, label=label, **star)
     angle = np.linspace(0, 2 * np.pi, 73)
     x = point_m[0] + near_m * np.cos(angle)
@@ -515,7 +515,7 @@ def _draw_way_points(axes: Axes, points_m: FloatArray, near_m: float) -> None:
             # The legend leaves out what begins with a dash.
             label = "_"
         _draw_goal(axes, point_m, near_m, label)
-        axes.annotate(str(number), point_m, color=style.VERMILION, **beside)
+        axes.annotate(str(number), point_m, color=style.INK, **beside)
 
 
 def draw_headings(axes: Axes, stances: pd.DataFrame) -> None:

@@ -6,16 +6,13 @@ package brings by an entry point of the group `GROUP`, or MODULE:OBJECT.
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from pkgutil import resolve_name
 
 from hopdata.errors import ConfigError, did_you_mean, require
-from hopdata.foreign.plugins import blamed, name_of, plugins
+from hopdata.foreign.plugins import blamed, name_of, own_code, plugins
+from hopdata.foreign.working_folder import require_module, working_folder_last
 from hopdata.steering.live.actuator import Actuator, UdpActuator
 from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import Observers
@@ -128,8 +125,8 @@ def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:
     if ":" in name:
         wanted = f"--robot {name} in the command, since no log may run code by itself"
         require(by_user, "robot", wanted, "the name in the log alone")
-        with _working_folder_last():
-            _require_module(name.partition(":")[0])
+        with working_folder_last():
+            require_module(name.partition(":")[0], "--robot")
             return _checked(name, name)
     brought = plugins(GROUP, "robot", ROBOTS)
     if name in brought:
@@ -142,28 +139,11 @@ def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:
     return _checked(ROBOTS[name], name)
 
 
-@contextmanager
-def _working_folder_last() -> Iterator[None]:
-    """Find modules in the working folder, too, where no installed one has the name."""
-    folder = os.getcwd()
-    sys.path.append(folder)
-    try:
-        yield
-    finally:
-        sys.path.remove(folder)
-
-
-def _require_module(module: str) -> None:
-    """Raise a `ConfigError` if the outermost package of a module is not found."""
-    package = module.partition(".")[0]
-    wanted = f"{package}.py in {os.getcwd()}, or an installed package {package}"
-    is_found = package.isidentifier() and find_spec(package) is not None
-    require(is_found, "--robot", wanted, "neither")
-
-
 def _checked(place: str, said: str) -> DrivenRobot:
     """Return the robot at a place, or that a function there returns."""
-    with blamed(said, "--robot"):
+    # A name MODULE:OBJECT is the user's own.
+    told = own_code(said, "--robot") if said == place else blamed(said, "--robot")
+    with told:
         found = resolve_name(place)
         if callable(found) and not isinstance(found, DrivenRobot):
             found = found()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.rigid import wrapped
 from hopdata.steering import TRAINING, child
@@ -16,6 +16,7 @@ from hopdata.steering.frame_changes import HOPPER, FrameChanges
 from hopdata.steering.models import training
 from hopdata.steering.models.kernels import SMOOTHNESSES
 from hopdata.steering.models.process import N_CHANGE, FrameChangeProcess
+from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.strides import COMPONENTS, TURN, USED, Strides
 
 #: Half of the central 95 % of a hop's prediction, in deviations.
@@ -58,6 +59,32 @@ def prediction_score(process: FrameChangeProcess, hops: Strides) -> pd.DataFrame
             "coverage": np.mean(is_within, axis=0),
         }
     )
+
+
+#: Scatter of the changes of a coordinate up to which it does not move, in multiples of
+#: the noise of a marker: for the heading, of a marker at the usual distance from the
+#: middle of the body.
+#: Unit: 1. Origin: chosen: twice that of the difference of two markers.
+STILL = 3.0
+
+
+def moves_of(hops: Strides, geometry: HopperGeometry) -> BoolArray:
+    """Return whether x, y and the heading change by more than noise, (3,).
+
+    A planar robot, for example, never leaves its line.
+
+    Parameters
+    ----------
+    hops : Strides
+    geometry : HopperGeometry
+        Markers of the body, with their noise.
+    """
+    changes = training.outputs_of(hops)[:, :N_CHANGE]
+    arms = geometry.body_m - geometry.body_m.mean(axis=0)
+    arm_m = np.sqrt(np.mean(np.sum(arms[:, :2] ** 2, axis=1)))
+    noise_m = geometry.noise_m
+    noise = np.array([noise_m, noise_m, noise_m / arm_m])
+    return np.asarray(changes.std(axis=0) > STILL * noise)
 
 
 def trained_and_scored(

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
-from hopdata.maps.verdict.so_far import so_far
+from hopdata.maps.verdict.judge import Verdict
+from hopdata.maps.verdict.preliminary import preliminary
 
 SHAPE = 0.1 * np.array([[1.0, 0.0, 0.0], [-0.5, 0.9, 0.0], [-0.5, -0.9, 0.1]])
 FEET = np.array([[0.3, 0.0], [-0.15, 0.26], [-0.15, -0.26]])
@@ -31,9 +33,9 @@ def landings(n, *, legs_m=0.0, seed=1):
 
 def test_what_the_body_foretells_is_told_of_few_landings():
     x, y, instants, _ = landings(40)
-    found = so_far(x, y, instants, instants_se=np.full((40, 3), 1e-4))
-    assert found.foretold > 0.97
-    assert found.untold == ""
+    found = preliminary(x, y, instants, instants_se=np.full((40, 3), 1e-4))
+    assert found.contacts_r2 > 0.97
+    assert found.unknown_because == ""
     assert sum(one["landings"] for one in found.orders) == 40
     counts = [one["landings"] for one in found.orders]
     assert counts == sorted(counts, reverse=True)
@@ -45,12 +47,12 @@ def test_legs_that_scatter_are_foretold_by_feet_alone():
     x, y, instants, heights = landings(60, legs_m=0.02)
     feet = np.zeros((60, 3, 3))
     feet[:, :, 2] = heights
-    by_body = so_far(x, y, instants).foretold
-    by_feet = so_far(x, y, instants, feet=feet).foretold
+    by_body = preliminary(x, y, instants).contacts_r2
+    by_feet = preliminary(x, y, instants, feet=feet).contacts_r2
     assert by_body < 0.6
     assert by_feet > 0.9
     feet[0, 0] = np.nan  # a foot that is hidden once: the body alone tells
-    assert so_far(x, y, instants, feet=feet).foretold == by_body
+    assert preliminary(x, y, instants, feet=feet).contacts_r2 == by_body
 
 
 def test_one_order_that_never_changes_is_not_foretold():
@@ -59,24 +61,26 @@ def test_one_order_that_never_changes_is_not_foretold():
     noise = 1e-3 * np.random.default_rng(2).standard_normal((40, 3))
     instants = np.array([0.0, 0.02, 0.04]) + noise
     se = np.full((40, 3), 1e-3)
-    found = so_far(x, y, instants, instants_se=se)
+    found = preliminary(x, y, instants, instants_se=se)
     assert found.orders == ({"order": "1 → 2 → 3", "landings": 40},)
-    named = so_far(x, y, instants, instants_se=se, foot_names=("toe", "heel", "thumb"))
+    named = preliminary(
+        x, y, instants, instants_se=se, foot_names=("toe", "heel", "thumb")
+    )
     assert named.orders == ({"order": "toe → heel → thumb", "landings": 40},)
-    assert (found.foretold, found.untold) == (None, "errors")
+    assert (found.contacts_r2, found.unknown_because) == (None, "errors")
     assert "hardly more" in str(found.said())
     # Without errors of such a size their scatter counts, and nothing foretells it.
-    sure = so_far(x, y, instants, instants_se=0.1 * se)
-    assert sure.foretold == pytest.approx(0.0, abs=0.15)
+    sure = preliminary(x, y, instants, instants_se=0.1 * se)
+    assert sure.contacts_r2 == pytest.approx(0.0, abs=0.15)
 
 
 def test_too_few_landings_and_no_body_leave_the_orders():
     x, y, instants, _ = landings(40)
-    few = so_far(x[:10], y[:10], instants[:10])
-    assert (few.foretold, few.untold) == (None, "few")
+    few = preliminary(x[:10], y[:10], instants[:10])
+    assert (few.contacts_r2, few.unknown_because) == (None, "few")
     assert sum(one["landings"] for one in few.orders) == 10
-    loose = so_far(np.ones_like(x), np.ones_like(y), instants)
-    assert (loose.foretold, loose.untold) == (None, "states")
+    loose = preliminary(np.ones_like(x), np.ones_like(y), instants)
+    assert (loose.contacts_r2, loose.unknown_because) == (None, "states")
 
 
 def test_a_refusal_carries_it_and_an_answer_does_not():
@@ -84,12 +88,25 @@ def test_a_refusal_carries_it_and_an_answer_does_not():
     told = judge(x, y, instants, seed=1)
     assert told.conclusion == "cannot tell"
     assert told.effect is None
-    assert told.so_far["least_landings"] == 150
+    assert told.preliminary["least_landings"] == 150
     assert "150 landings" in told.outlook
-    order = told.so_far["orders"][0]
+    order = told.preliminary["orders"][0]
     assert f"{order['order']} ({order['landings']})" in told.contacts
     assert told.messages["contacts"].code == "maps.so_far_foretold"
+
+    # A file of an earlier version has other names.
+    content = told.to_dict()
+    earlier = dict(content)
+    for old, new in (("foretold", "contacts_r2"), ("mainly", "main_contrast")):
+        earlier[old] = earlier.pop(new)
+    inner = dict(earlier.pop("preliminary"))
+    inner["foretold"] = inner.pop("contacts_r2")
+    inner["untold"] = inner.pop("unknown_because")
+    assert Verdict.from_dict(earlier | {"so_far": inner}) == Verdict.from_dict(content)
+    with pytest.raises(AnalysisError, match="of another version of hopdata"):
+        Verdict.from_dict(earlier)
+
     x, y, instants, _ = landings(400)
-    assert judge(x, y, instants, seed=1).so_far == {}
+    assert judge(x, y, instants, seed=1).preliminary == {}
     unknown = np.full_like(instants, np.nan)
-    assert judge(x, y, unknown, seed=1).so_far == {}
+    assert judge(x, y, unknown, seed=1).preliminary == {}

@@ -36,7 +36,7 @@ LANDINGS_PER_COEFFICIENT = 2
 BEYOND_ERRORS = 2.0
 
 
-# Why a share cannot be told, see `SoFar.untold`.
+# Why a share cannot be told, see `Preliminary.unknown_because`.
 FEW = "few"
 ERRORS = "errors"
 STATES = "states"
@@ -50,7 +50,7 @@ _SAID = {
 
 
 @dataclass(frozen=True)
-class SoFar:
+class Preliminary:
     """What is known without a size.
 
     Attributes
@@ -59,10 +59,10 @@ class SoFar:
         Each contact order that occurs with its number of landings, commonest first.
     least_landings
         Fewest landings of which a verdict is made for this number of feet.
-    foretold
+    contacts_r2
         Share of how the contacts vary from landing to landing that the state and the
         feet before the landing foretell; None if it cannot be told.
-    untold
+    unknown_because
         Why it cannot: there are too few landings (``"few"``), their contacts vary
         hardly more than by their errors (``"errors"``), or the states are not those of
         a rigid body that moves (``"states"``). Empty if it can.
@@ -70,8 +70,8 @@ class SoFar:
 
     orders: tuple[dict[str, Any], ...]
     least_landings: int
-    foretold: float | None
-    untold: str
+    contacts_r2: float | None
+    unknown_because: str
 
     def said(self) -> Message:
         """Return orders and share in words."""
@@ -79,9 +79,9 @@ class SoFar:
         for one in self.orders:
             told.append(f"{one['order']} ({one['landings']})")
         values = {"orders": ", ".join(told)}
-        if self.foretold is None:
-            return Message(_SAID[self.untold], values)
-        values["share"] = f"{100 * self.foretold:.0f} %"
+        if self.contacts_r2 is None:
+            return Message(_SAID[self.unknown_because], values)
+        values["share"] = f"{100 * self.contacts_r2:.0f} %"
         return Message("maps.so_far_foretold", values)
 
     def needed(self) -> Message:
@@ -90,7 +90,7 @@ class SoFar:
         return Message("maps.so_far_needs", values)
 
 
-def so_far(
+def preliminary(
     before: FloatArray,
     after: FloatArray,
     instants: FloatArray,
@@ -98,7 +98,7 @@ def so_far(
     instants_se: FloatArray | None = None,
     feet: FloatArray | None = None,
     foot_names: Sequence[str] = (),
-) -> SoFar:
+) -> Preliminary:
     """Return what landings say that give no size.
 
     Parameters
@@ -115,21 +115,23 @@ def so_far(
         Names of the feet; without them orders have their numbers.
     """
     share = None
-    untold = FEW
+    unknown_because = FEW
     if len(before) >= LANDINGS_PER_COEFFICIENT * (1 + STATE):
         try:
             dimensionless = without_units(before, after)
         except AnalysisError:
-            untold = STATES
+            unknown_because = STATES
         else:
             pre = rigid_states(dimensionless.before, dimensionless.shape)
             states = state_inputs(pre)
             share = foretold_share(states, instants, instants_se, feet)
-            untold = ""
+            unknown_because = ""
             if share is None:
-                untold = ERRORS
+                unknown_because = ERRORS
     least = least_landings(instants.shape[1])
-    return SoFar(_counted_orders(instants, foot_names), least, share, untold)
+    return Preliminary(
+        _counted_orders(instants, foot_names), least, share, unknown_because
+    )
 
 
 def _counted_orders(
@@ -162,7 +164,7 @@ def foretold_share(
     states
         (n, p) coordinates of the state before each landing, n at least twice p + 1.
     instants, instants_se, feet
-        As for `so_far`; `feet` only count where all of them are seen.
+        As for `preliminary`; `feet` only count where all of them are seen.
     """
     relative = instants - instants.mean(axis=1, keepdims=True)
     candidates = [states]
