@@ -116,7 +116,7 @@ def test_a_wrong_table_is_refused(group, table, told):
 
 
 def test_what_a_group_needs_at_its_end_is_asked_for_at_once(group, monkeypatch):
-    monkeypatch.setattr("hopdata.samples.find_spec", lambda name: None)
+    monkeypatch.setattr("hopdata.samples.find_spec", lambda _name: None)
     with pytest.raises(ConfigError, match=r"statsmodels, .*pip install 'hopdata\[gr"):
         group("subject\tfile\nanna\ta.h5\n")
 
