@@ -68,7 +68,14 @@ def study(
     progress: Progress = lambda _stage: None,
     **keys: Any,
 ) -> Study:
-    """Prepare a study for use step by step; see `analyse` for arguments and errors."""
+    """Prepare a study for use step by step; see `analyse` for arguments and errors.
+
+    Examples
+    --------
+    >>> feet, body = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
+    >>> study("data/sample/hopper.h5", feet=feet, body=body)
+    <Study 'hopper': no verdict yet>
+    """
     if not callable(progress):
         raise ArgumentError.at("progress", "a function such as print", f"{progress!r}")
     keys = _with_roles(keys, feet, body)

@@ -252,6 +252,11 @@ class ContactTimes(Shown):
             Landings to draw.
         ax, style
             As for `plot`.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
         """
         shown = self.orders.head(most)
         keys = ["recording", "landing"]

@@ -259,6 +259,14 @@ def guess(source: str | Path | Sequence[str | Path] | Recording) -> Recording:
     ------
     RecordingError
         If no feet or no body can be found.
+
+    Examples
+    --------
+    >>> recording = guess(read("data/sample/hopper.h5").between(0, 20))
+    >>> recording.names("body")
+    ('body1', 'body2', 'body3')
+    >>> recording.remarks[0].partition(": ")[2]
+    'feet guessed: foot1, foot2, foot3; rest near the floor 32 times, 35 % of the time'
     """
     recording = source if isinstance(source, Recording) else read(source)
     found = guess_of_recording(recording)

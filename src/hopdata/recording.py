@@ -391,6 +391,16 @@ class Recording(Shown):
         DataFrame
             The rest of the recording is in its ``attrs``, so that `from_pandas` returns
             this recording again, bit by bit (of a wide table without ``filled``).
+
+        Examples
+        --------
+        >>> time, markers = np.arange(500) / 100, ["toe", "heel"]
+        >>> recording = Recording.from_arrays(time, np.ones((500, 2, 3)), markers)
+        >>> table = recording.to_pandas()
+        >>> float(table["toe"]["z"].max())
+        1.0
+        >>> Recording.from_pandas(table.loc[1.0:1.5]).n_frames
+        51
         """
         tables = {"wide": interchange.wide_table, "long": interchange.long_table}
         return chosen("layout", layout, tables)(self._parts())
@@ -567,6 +577,13 @@ class Recording(Shown):
         ------
         ArgumentError
             If fewer than two frames are between them.
+
+        Examples
+        --------
+        >>> time, markers = np.arange(500) / 100, ["toe", "heel"]
+        >>> recording = Recording.from_arrays(time, np.ones((500, 2, 3)), markers)
+        >>> recording.between(1.0, 1.5)
+        <Recording 'recording': 2 markers, 51 frames at 100 Hz, 100 % seen>
         """
         ends = []
         for key, value in (("begin_s", begin_s), ("end_s", end_s)):

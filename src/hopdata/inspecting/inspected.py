@@ -90,6 +90,11 @@ class InspectedRecording(Shown):
             Where to draw; by default a figure of its own.
         style : str, optional
             ``"nature"``, ``"ieee"`` or ``"poster"``.
+
+        Returns
+        -------
+        Figure
+            Or, with `ax`, what was drawn into.
         """
         from hopdata.inspecting.timeline import drawn_gaps
 
@@ -111,7 +116,8 @@ class InspectedRecording(Shown):
         found = self.inspection
         n_frames = f"{len(found.time):,} frames at {found.rate_hz:g} Hz"
         markers = counted(len(found.markers), "marker")
-        answer = listing.answer(found)
+        answer = listing.answer(found).rstrip(".")
+        answer = answer[:1].lower() + answer[1:]
         return f"'{self.source}': {markers}, {n_frames}; {answer}"
 
     def _repr_html_(self) -> str:
