@@ -22,10 +22,6 @@ from hopdata.causes import OomKills
         ),
         (RuntimeError("can't start new thread"), "memory ran out"),
         (
-            ModuleNotFoundError("No module", name="sklearn.gaussian_process"),
-            "run pip install 'hopdata[steering]'",
-        ),
-        (
             OSError(errno.ENOSPC, "No space left on device", "a.csv"),
             "a.csv: the disk is full",
         ),

@@ -115,12 +115,6 @@ def test_a_wrong_table_is_refused(group, table, told):
         group(table)
 
 
-def test_what_a_group_needs_at_its_end_is_asked_for_at_once(group, monkeypatch):
-    monkeypatch.setattr("hopdata.samples.find_spec", lambda _name: None)
-    with pytest.raises(ConfigError, match=r"statsmodels, .*pip install 'hopdata\[gr"):
-        group("subject\tfile\nanna\ta.h5\n")
-
-
 def test_a_mistake_common_to_all_is_told_once_with_its_line(group):
     with pytest.raises(ConfigError, match=r"group\.yaml, line \d+: sections\.pre: "):
         group("subject\tfile\nanna\ta.h5\nben\tb.h5\n", sections={"pre": 1})
