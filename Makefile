@@ -210,7 +210,7 @@ $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml |
 
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url
 lock:
-	$(LOCK) pyproject.toml --extra group --extra steering -o requirements.lock
+	$(LOCK) pyproject.toml -o requirements.lock
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
 	$(LOCK) pyproject.toml --extra test --resolution lowest-direct -o requirements-lowest.lock
 	$(LOCK) pyproject.toml --extra test --extra cluster -o requirements-cluster.lock

@@ -17,6 +17,7 @@ MB = 1e6
 
 
 def plain(name):
+    """Return the name of a package as indices write it."""
     """Return a name as registries compare them."""
     return re.sub("[-_.]+", "-", name).lower()
 

@@ -72,14 +72,6 @@ def _command(given: list[str]) -> int:
     except HopdataError as error:
         print(f"hopdata: error: {error}", file=sys.stderr)
         return PROBLEM
-    except ModuleNotFoundError as error:
-        from hopdata.causes import cause_of
-
-        cause = cause_of(error)
-        if not cause:
-            raise
-        print(f"hopdata: error: {options.command}: {cause}", file=sys.stderr)
-        return PROBLEM
     except BrokenPipeError:
         # The reader of our output, such as head, has closed the pipe.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -92,29 +92,12 @@ def error_number(error: BaseException) -> int | None:
     return number
 
 
-#: Packages that an extra of the installation brings, by the names of their modules.
-EXTRAS = {
-    "sklearn": ("scikit-learn", "steering"),
-    "statsmodels": ("statsmodels", "group"),
-}
-
-
-def lacking(module: str) -> str:
-    """Return what to do about a package that is not installed."""
-    package, extra = EXTRAS[module]
-    how = f"pip install 'hopdata[{extra}]'"
-    return f"expected the package {package}, found none; run {how}"
-
-
 def cause_of(error: BaseException) -> str:
     """Say what ended a job and what to do, by its exception; empty if not known."""
     if isinstance(error, MemoryError):
         return MEMORY
     if not isinstance(error, (OSError, RuntimeError, ImportError)):
         return ""
-    package = (getattr(error, "name", None) or "").partition(".")[0]
-    if package in EXTRAS:
-        return lacking(package)
     number = error_number(error)
     if number is None:
         return cause_in(str(error))

@@ -218,7 +218,7 @@ def _xarray(method: str) -> Any:
         import xarray
     except ImportError:
         raise RecordingError.at(
-            method, "the package xarray", "none: pip install 'hopdata[notebook]'"
+            method, "the package xarray", "none: pip install xarray"
         ) from None
     return xarray
 

@@ -2,11 +2,9 @@
 
 import csv
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from hopdata.causes import lacking
 from hopdata.errors import ConfigError, require
 from hopdata.foreign.texts import text_of
 
@@ -61,9 +59,6 @@ def read_group(config: str | Path) -> dict[str, Any]:
     is_group = isinstance(given, dict) and "samples" in given
     require(is_group, str(config), "a configuration with 'samples'", "another one")
     require("recordings" not in given, str(config), "samples or recordings", "both")
-    if find_spec("statsmodels") is None:
-        # It is needed only at the end of the run.
-        raise ConfigError(f"{config}: {lacking('statsmodels')}")
     # Pages show only SVG.
     content = {"figures": {"formats": ["svg"]}, **given}
     file = Path(str(content.pop("samples")))

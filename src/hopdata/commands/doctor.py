@@ -76,7 +76,7 @@ def doctor(_options: argparse.Namespace) -> int:
     print("\n".join(problems) or "nothing is missing")
     answers.give(
         machine=facts,
-        needed=[_as_json(one, USES[NEEDED].get(one.name, "")) for one in needed],
+        needed=[_as_json(one, USES[NEEDED][one.name]) for one in needed],
         extras={
             name: {
                 "use": USES["extras"][name],
@@ -157,7 +157,7 @@ def _show_facts(facts: dict[str, str]) -> None:
 
 
 def _show_needed(needed: list[Package]) -> None:
-    rows = [(one.name, one.version, USES[NEEDED].get(one.name, "")) for one in needed]
+    rows = [(one.name, one.version, USES[NEEDED][one.name]) for one in needed]
     lines = [f"{name:14} {version:14} {use}" for name, version, use in rows]
     print_table(
         {"a study needs": "left", "version": "left", "for": "left"},
@@ -172,8 +172,7 @@ def _show_extras(extras: dict[str, list[Package]]) -> None:
         # Nothing of an extra may exist on this system.
         told = ", ".join(f"{one.name} {one.version}" for one in own) or "not to be had"
         rows.append((name, told, USES["extras"][name]))
-    width = max(len(told) for _, told, _ in rows)
-    lines = [f"{name:14} {told:{width}} {use}" for name, told, use in rows]
+    lines = [f"{name:14} {told:27} {use}" for name, told, use in rows]
     title = "extras, as in pip install 'hopdata[excel]'"
     print_table(
         {"extra": "left", "what it brings": "left", "for": "left"},

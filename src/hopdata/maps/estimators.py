@@ -2,7 +2,7 @@
 
 They fit what the stages fit, by the same functions, with scikit-learn's `fit`,
 `predict`, `transform` and `score`, so that its cross-validation, pipelines and grids
-apply to the landings of a study. Scikit-learn comes with ``hopdata[notebook]``.
+apply to the landings of a study.
 """
 
 from __future__ import annotations

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from importlib.util import find_spec
 from itertools import pairwise
 from math import dist, pi
 from typing import Any
 
-from hopdata.causes import lacking
 from hopdata.errors import did_you_mean, mismatch
 
 ROUNDING = 1e-9  # rad: swings are sums of steps, which are rounded
@@ -20,8 +18,6 @@ HOPS_NOT_LEARNED_FROM = 3
 def mistakes(config: Mapping[str, Any]) -> Iterator[str]:
     """Yield a message for each mistake, as `hopdata.errors.mismatch` writes it."""
     steering = config["steering"]
-    if find_spec("sklearn") is None:
-        yield f"steering: {lacking('sklearn')}"
     if steering["recordings"]:
         yield from _wrong_recordings(config)
     else:
