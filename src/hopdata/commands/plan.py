@@ -45,7 +45,9 @@ def plan(options: argparse.Namespace) -> int:
     found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
     if saturates:
-        print("These are differences over the landings: what may be hidden fades before")
+        print(
+            "These are differences over the landings. What may be hidden fades before"
+        )
         print("the feet are far apart, and may be larger where all touch at once.\n")
     least = min(allowed, allowed_nearest)
     asked = {*planned(least, margin)}
