@@ -434,15 +434,18 @@ def planned(allowed: float, margin: float) -> list[float]:
     return sorted(differences)
 
 
-def require_lasting(*, saturates: bool) -> None:
-    """Raise an error if the difference of a pilot saturates.
+def require_lasting(conclusion: str, *, saturates: bool) -> None:
+    """Raise an error if a pilot has found a difference that saturates.
+
+    Where no difference was found, saturation is said of what may be hidden, and the
+    plan is for differences over the landings.
 
     Raises
     ------
     AnalysisError
-        If it does: no number of landings is known for the simultaneous contact.
+        If it has: no number of landings is known for the simultaneous contact.
     """
-    if saturates:
+    if saturates and conclusion == "different":
         raise AnalysisError(Message("maps.plan_saturates"))
 
 
@@ -470,8 +473,8 @@ def plan(
     Raises
     ------
     AnalysisError
-        If the pilot has no answer, if its difference saturates, or if no number of
-        landings shows one of the differences.
+        If the pilot has no answer, if it has found a difference that saturates, or if
+        no number of landings shows one of the differences.
     """
     from hopdata.maps.verdict.judge import Verdict
 
@@ -483,7 +486,7 @@ def plan(
         raise AnalysisError(
             f"pilot: expected an answer to plan from: {verdict.sentence}"
         )
-    require_lasting(saturates=verdict.saturates)
+    require_lasting(verdict.conclusion, saturates=verdict.saturates)
     effect = verdict.effect
     if differences is None:
         differences = planned(effect.least_allowed, verdict.margin)

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from hopdata.landings.sections.select import Sections
     from hopdata.landings.states.pairs import Pairs
     from hopdata.maps.verdict.judge import Verdict
+    from hopdata.truth import Truth
 
 Contents = dict[str, Any]
 Progress = Callable[[str], object]
@@ -65,6 +66,8 @@ class Study(Shown):
     _returned: dict[str, Any] = field(default_factory=dict, init=False)
     #: Each result that is known, by name; by recording if each has one.
     _results: dict[str, Any] = field(default_factory=dict, init=False)
+    #: The truth of each recording that has one: for its file alone, no stage sees it.
+    _truths: dict[str, Truth] = field(default_factory=dict, init=False)
 
     def _told(self) -> str:
         """Return the name and the answer."""
@@ -193,6 +196,8 @@ class Study(Shown):
         stored = {}
         for name, result in stage.results.items():
             value = getattr(made, name)
+            if result.kind is stages.RECORDING_WITH_TRUTH and value[1] is not None:
+                self._truths[recording] = value[1]
             if stage.makes_all(result):
                 stored[name] = {
                     one: result.kind.as_stored(own) for one, own in value.items()
@@ -215,7 +220,7 @@ class Study(Shown):
         simulated = self._call(LINE.stages["simulate"], {}, name).simulated
         with TemporaryDirectory() as folder:
             file = f"{folder}/{name}.h5"
-            hdf5.write_recording(file, simulated)
+            hdf5.write_recording(file, simulated, truth=self._truths[name])
             made = self._call(stage, {"files": [file]}, name)
         # The folder is gone; the workflow would have kept the file here.
         kept = replace(made.imported, source=f"simulated/{name}.h5")
@@ -502,8 +507,9 @@ class Study(Shown):
             found = self._result(name)
             if recording:
                 found = found[recording]
-            if isinstance(found, Recording):
-                hdf5.write_recording(base / path, found)
+            if name == "imported":
+                truth = self._truths.get(recording)
+                hdf5.write_recording(base / path, found, truth=truth)
             else:
                 LINE.results[name].write(base / path, found)
         self._draw(base / "figures", **self.config["figures"])

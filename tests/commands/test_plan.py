@@ -66,10 +66,18 @@ def test_the_margin_is_in_the_plan(tmp_path, capsys):
 
 def test_a_pilot_that_saturates_promises_no_number(tmp_path, capsys):
     spent = {"saturates": True, "effect": {"detectable": 0.2, "allowed": 0.1}}
-    assert main(["plan", written(tmp_path, PILOT | spent)]) == 1
+    found = spent | {"conclusion": "different"}
+    assert main(["plan", written(tmp_path, PILOT | found)]) == 1
     told = capsys.readouterr()
     assert "So no number of landings can be promised" in told.err
     assert "landings" not in told.out
+
+
+def test_what_may_be_hidden_may_saturate(tmp_path, capsys):
+    spent = {"saturates": True, "effect": {"detectable": 0.2, "allowed": 0.1}}
+    hidden = spent | {"conclusion": "cannot tell"}
+    assert main(["plan", written(tmp_path, PILOT | hidden)]) == 0
+    assert "differences over the landings" in capsys.readouterr().out
 
 
 def test_a_small_pilot_is_planned_by_the_landings_that_a_large_study_uses(

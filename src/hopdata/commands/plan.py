@@ -37,12 +37,18 @@ def plan(options: argparse.Namespace) -> int:
     require_number(file, "n_feet", feet)
     require_number(file, "power", power)
     margin = require_number(file, "margin", margin)
-    # Verdicts of older versions do not tell it.
-    saturates = json_of(file, wanted="a verdict.json").get("saturates", False)
-    require_lasting(saturates=bool(saturates))
+    # Verdicts of older versions do not tell them.
+    verdict = json_of(file, wanted="a verdict.json")
+    saturates = bool(verdict.get("saturates", False))
+    require_lasting(verdict.get("conclusion", ""), saturates=saturates)
     detectable, allowed, detectable_nearest, allowed_nearest = _sizes(file, effect)
     found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
+    if saturates:
+        print(
+            "These are differences over the landings. What may be hidden fades before"
+        )
+        print("the feet are far apart, and may be larger where all touch at once.\n")
     least = min(allowed, allowed_nearest)
     asked = {*planned(least, margin)}
     if options.difference is not None:

@@ -77,3 +77,9 @@ def test_a_start_at_a_contact_whose_force_jumps_is_told():
     assert on.surfaces_at_start == ("foot",)
     assert above.surfaces_at_start == ()
     assert np.abs(on.jacobian - above.jacobian).max() > 1e-2
+
+
+def test_a_system_with_a_guard_that_slides_tells_nothing():
+    system = braked(brake, sliding=("apex",))
+    solution = solve(system, (0.0, 0.3), ON, jacobian=True)
+    assert solution.surfaces_at_start == ()

@@ -16,6 +16,7 @@ from hopdata.hybrid.first_order.saltation import (
     crossing,
     with_lock,
 )
+from hopdata.hybrid.sliding.system import Mixed
 from hopdata.hybrid.system import System
 
 #: A saltation matrix that differs less from the identity counts as the identity.
@@ -36,7 +37,8 @@ def surfaces_at_start(
     The state lies on their surfaces, and the caller has left their locks open. Starts
     on one side then meet the event and those on the other do not. The derivative exists
     if that makes no difference: the handler moves no state, and the field is the same
-    on both sides. A terminal guard is left out, as are guards that may slide.
+    on both sides. A terminal guard is left out, as are all guards of a system of which
+    one may slide: its functions are compiled only.
 
     Parameters
     ----------
@@ -47,6 +49,8 @@ def surfaces_at_start(
     params, mode, memory : array_like, optional
         As of `hopdata.hybrid.solve`.
     """
+    if isinstance(system.field, Mixed):
+        return ()
     n_guards = system.n_guards
     locks = np.zeros(system.n_modes, dtype=np.int64)
     if mode is not None:
@@ -60,7 +64,7 @@ def surfaces_at_start(
     found = []
     for k in np.flatnonzero(is_open & (h == 0.0) & (rates != 0.0)):
         ends = system.terminal is not None and system.terminal[k]
-        if ends or system.guard_names[k] in system.sliding:
+        if ends:
             continue
         way = int(np.sign(rates[k]))
         before = replace(at, mode=with_lock(at.mode, int(k), -way))
