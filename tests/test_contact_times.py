@@ -420,3 +420,13 @@ def test_the_methods_paragraph_states_both_errors_the_feet_and_what_was_left_out
     assert f"{len(found.found)} were timed" in text
     assert "left out by hand" in text
     assert "left out" not in contacts(walking(truth)).methods().text
+
+
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [("kink", "maximum likelihood"), ("velocity_minimum", "velocity of its marker")],
+)
+def test_the_methods_paragraph_tells_of_the_method_that_was_asked_for(method, told):
+    text = contacts(walking(alternating()), method=method).methods().text
+    assert told in text
+    assert ("maximum likelihood" in text) == (method == "kink")

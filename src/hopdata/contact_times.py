@@ -98,12 +98,15 @@ class ContactTimes(Shown):
         with values; `remarks` are their texts.
     recordings : tuple of Recording
         The recordings, levelled: each foot rests at height 0.
+    method : str
+        The method that timed them (`hopdata.landings.contacts.timing.METHODS`).
     """
 
     table: pd.DataFrame
     orders: pd.DataFrame
     messages: Messages
     recordings: tuple[Recording, ...]
+    method: str = "kink"
 
     @property
     def found(self) -> pd.DataFrame:
@@ -171,6 +174,7 @@ class ContactTimes(Shown):
             len(self.orders),
             recordings=self.recordings,
             messages=self.messages,
+            method=self.method,
         )
 
     def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -419,6 +423,7 @@ def contacts(
         orders=order_table(orders),
         messages=Messages(remarks),
         recordings=tuple(levelled),
+        method=options.get("method") or "kink",
     )
 
 
@@ -514,6 +519,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
         orders=_in_order(orders, names),
         messages=Messages(remark for part in parts for remark in part.messages),
         recordings=tuple(recordings[name] for name in names),
+        method=parts[0].method,
     )
 
 

@@ -21,6 +21,7 @@ from hopdata.landings.contacts.law import (
     taken,
 )
 from hopdata.landings.contacts.learning import FEW
+from hopdata.landings.contacts.springs_back import springs_back, springs_back_errors
 
 #: Landings, evenly spaced, whose likelihood decides on stance and softness.
 #: Unit: landings. Origin: chosen.
@@ -150,7 +151,30 @@ def _of_one_stance(
         landings = np.isfinite(instant).any(axis=1).sum()
         error *= np.sqrt(1 + 1 / max(landings, 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
-    return instant, error, common
+    yields_s = _of_soles_that_yield(trials, fits, instant, laws, better)
+    return instant, error, np.hypot(common, yields_s)
+
+
+def _of_soles_that_yield(
+    trials: Trials,
+    fits: KinkFits,
+    instant: FloatArray,
+    laws: Laws,
+    compliance_s: FloatArray,
+) -> FloatArray:
+    """Return the common error (R, n), s, of feet that sink and spring back.
+
+    `compliance_s` (R, n) is that of the instants (L, n), s.
+    """
+    errors = []
+    falls = trials.each(np.abs(fits.velocity))
+    parts = zip(trials.feet, trials.each(instant), laws, strict=True)
+    for number, (feet, own, law) in enumerate(parts):
+        depth_m = springs_back(feet.time, feet.heights, own, law.noise_m)
+        fall_m_s = np.array([_median_of_known(of_foot) for of_foot in falls[number].T])
+        fall_m_s = np.where(fall_m_s > 0, fall_m_s, np.inf)
+        errors.append(springs_back_errors(depth_m, fall_m_s, compliance_s[number]))
+    return np.array(errors)
 
 
 def _usual(trials: Trials, values: FloatArray, *, alike: bool) -> FloatArray:
