@@ -74,13 +74,21 @@ JUMP_S = 1e-3
 
 
 def with_softness(
-    trials: Trials, fits: KinkFits, laws: Laws, *, alike: bool
+    trials: Trials,
+    fits: KinkFits,
+    laws: Laws,
+    *,
+    alike: bool,
+    of_frames_m: FloatArray | None = None,
 ) -> tuple[KinkFits, FloatArray]:
     """Add the uncertainty of the compliance to the errors.
 
     If feet are `alike`, the likelihoods of all of them limit one compliance, in all
     recordings whose laws have the same one. Else each foot has its own, in each
     recording of enough landings.
+
+    What the laws leave beyond the noise of the heights by their frames, `of_frames_m`
+    (R,), m, is the same in all landings, so that more of them tell no more.
 
     If feet are alike and surely soft, their instants are those of the mean compliance.
 
@@ -99,15 +107,23 @@ def with_softness(
         same = own_s == one_s
         rows = trials.at(same)
         of_same = tuple(law for law in laws if law.compliance_s == one_s)
+        repeated = np.zeros(len(of_same))
+        if of_frames_m is not None:
+            repeated = _repeated(of_same, of_frames_m[same])
         found = _of_one_stance(
-            trials.only(same), taken(fits, rows), of_same, alike=alike
+            trials.only(same), taken(fits, rows), of_same, repeated, alike=alike
         )
         instant[rows], unit_se[rows], common[same] = found
     return replace(fits, instant=instant, unit_se=unit_se), common
 
 
+def _repeated(laws: Laws, of_frames_m: FloatArray) -> FloatArray:
+    """Return the share (R,) of the variance about the laws that is not noise."""
+    return np.maximum(1.0 - (of_frames_m / noises(laws)) ** 2, 0.0)
+
+
 def _of_one_stance(
-    trials: Trials, fits: KinkFits, laws: Laws, *, alike: bool
+    trials: Trials, fits: KinkFits, laws: Laws, repeated: FloatArray, *, alike: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return instants, their errors and common errors where the laws are as soft."""
     own_s = laws[0].compliance_s
@@ -119,6 +135,7 @@ def _of_one_stance(
     else:
         few = trials.landings < FEW
         gains[:, few] = gains.sum(axis=1, keepdims=True)
+        gains /= _landings_of_one(trials, fits, repeated)
     mean, sd = _posterior(trials_s, gains.reshape(len(trials_s), -1))
     mean = mean.reshape(gains.shape[1:])
     sd = sd.reshape(gains.shape[1:])
@@ -151,6 +168,21 @@ def _of_one_stance(
         error *= np.sqrt(1 + 1 / max(landings, 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
     return instant, error, common
+
+
+def _landings_of_one(
+    trials: Trials, fits: KinkFits, repeated: FloatArray
+) -> FloatArray:
+    """Return how many landings tell as much as one that repeats nothing, (R, n).
+
+    Of residuals of which a share is the same in all landings, the mean over n landings
+    has the variance of one times (1 + (n - 1) share) / n.
+    """
+    known = np.isfinite(fits.instant)
+    count = np.stack([own.sum(axis=0) for own in trials.each(known)])
+    count[trials.landings < FEW] = count.sum(axis=0)
+    count = np.clip(count, 1, STANCE_LANDINGS)
+    return np.asarray(1.0 + (count - 1) * repeated[:, None])
 
 
 def _usual(trials: Trials, values: FloatArray, *, alike: bool) -> FloatArray:
