@@ -135,19 +135,9 @@ def _of_one_stance(
     else:
         few = trials.landings < FEW
         gains[:, few] = gains.sum(axis=1, keepdims=True)
-        gains /= _landings_of_one(trials, fits, repeated)
-    mean, sd = _posterior(trials_s, gains.reshape(len(trials_s), -1))
-    mean = mean.reshape(gains.shape[1:])
-    sd = sd.reshape(gains.shape[1:])
-
-    # How far instants move with the compliance: by the trial whose distance from the
-    # law's own is most like the distance that the posterior allows.
-    away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
-    allowed = np.hypot(mean - own_s, sd).max()
-    nearest = int(np.argmin(np.abs(away - allowed)))
-    moved = trials.fits(fits.instant, softer[nearest], widely=True).instant
-    moved -= fits.instant
-    moved /= float(trials_s[nearest]) - own_s
+    mean, sd = _posterior(trials_s, gains)
+    allowed_s = np.hypot(mean - own_s, sd).max()
+    moved = _moved(trials, fits, softer, own_s, allowed_s)
     shift = _usual(trials, moved, alike=alike)
     moved = np.where(np.isfinite(moved), moved, trials.at(shift))
 
@@ -167,7 +157,36 @@ def _of_one_stance(
         landings = np.isfinite(instant).any(axis=1).sum()
         error *= np.sqrt(1 + 1 / max(landings, 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
+    if repeated.any():
+        # The errors of single landings are kept: they scatter by no more than stated.
+        told_once = gains / _landings_of_one(trials, fits, repeated)
+        mean, sd = _posterior(trials_s, told_once)
+        doubt = np.hypot(mean - own_s, sd)
+        moved = _moved(trials, fits, softer, own_s, doubt.max())
+        shift = _usual(trials, moved, alike=alike)
+        wider = np.hypot(shift * doubt, SHAPE_SHARE * mean)
+        common = np.maximum(common, wider)
     return instant, error, common
+
+
+def _moved(
+    trials: Trials,
+    fits: KinkFits,
+    softer: list[Laws],
+    own_s: float,
+    allowed_s: float,
+) -> FloatArray:
+    """Return how far instants (L, n) move with the compliance, 1.
+
+    By the trial whose distance from the law's own compliance, s, is most like the
+    distance that the posterior allows.
+    """
+    trials_s = np.array([laws[0].compliance_s for laws in softer])
+    away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
+    nearest = int(np.argmin(np.abs(away - allowed_s)))
+    moved = trials.fits(fits.instant, softer[nearest], widely=True).instant
+    moved -= fits.instant
+    return np.asarray(moved / (float(trials_s[nearest]) - own_s))
 
 
 def _landings_of_one(
@@ -252,15 +271,16 @@ def _median_of_known(values: FloatArray) -> float:
 def _posterior(
     trials_s: FloatArray, gains: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean and sd (n,) of compliances, s.
+    """Return means and sds (...) of compliances, s.
 
-    The log likelihoods (K, n) of trials (K,) are interpolated by a cubic spline, whose
+    The log likelihoods (K, ...) of trials (K,) are interpolated by a cubic spline. Its
     third derivative jumps at the inner trials except the outermost (not-a-knot).
     Loading SciPy's spline would take a short study longer than judging all its
     contacts.
     """
     time_s = np.linspace(0, trials_s[-1], SOFTNESS_NODES)
-    coefficients = np.linalg.solve(_spline_basis(trials_s, trials_s), gains)
+    of_each = gains.reshape(len(trials_s), -1)
+    coefficients = np.linalg.solve(_spline_basis(trials_s, trials_s), of_each)
     gain = _spline_basis(trials_s, time_s) @ coefficients / OVERSURE**2
     prior = np.full(len(time_s), SOFTNESS_ODDS / len(time_s))
     prior[0] = 1.0
@@ -268,7 +288,8 @@ def _posterior(
     weights /= weights.sum(axis=0)
     mean = time_s @ weights
     variance = ((time_s[:, None] - mean) ** 2 * weights).sum(axis=0)
-    return mean, np.sqrt(variance)
+    sd = np.sqrt(variance)
+    return mean.reshape(gains.shape[1:]), sd.reshape(gains.shape[1:])
 
 
 def _spline_basis(trials_s: FloatArray, at_s: FloatArray) -> FloatArray:
