@@ -9,6 +9,7 @@ function, its settings, or the modules that it imports change.
 # ruff: noqa: B008 - `key` as a default marks a setting; `hopdata.line` reads it.
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from hopdata.config import consistency
@@ -286,7 +287,7 @@ def home_frame(
     sections: Sections,
     schedules: pd.DataFrame,
     *,
-    home_marker: str | None = key("home.marker"),
+    home_marker: str | Sequence[str] | None = key("home.marker"),
     ambiguous: str = key("touchdowns.ambiguous"),
     states: Options = key("states"),
     begins_s: dict[str, float | None] = key("recordings.begins_s"),

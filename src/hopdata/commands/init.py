@@ -74,8 +74,8 @@ class Draft:
         Remarks of the reader on the file that need no action.
     all_markers : sequence of str
         All names in the file.
-    home : str
-        Marker of the home frame; none by default.
+    home : tuple of str
+        Markers of the home frame; none by default.
     joined : mapping
         Feet with several markers, and those markers.
     may_be_joined : mapping
@@ -96,7 +96,7 @@ class Draft:
     remarks: Sequence[str] = ()
     notes: Sequence[str] = ()
     all_markers: Sequence[str] = ()
-    home: str = ""
+    home: tuple[str, ...] = ()
     joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
     may_be_joined: Mapping[str, Sequence[str]] = field(default_factory=dict)
     beside: Sequence[str] = ()
@@ -136,9 +136,12 @@ def draft_config(draft: Draft, *, path: str) -> str:
             lines += _reason(draft, f"{section}.{key}")
             lines.append(f"  {key}: {scalar(value)}")
     if draft.home:
-        through = "the home frame's x-axis runs through it"
         lines += ["", "home:", *_reason(draft, "home.marker")]
-        lines.append(f"  marker: {scalar(draft.home)}  # {through}")
+        marker = scalar(draft.home[0])
+        if len(draft.home) > 1:
+            marker = f"[{', '.join(scalar(one) for one in draft.home)}]"
+        through = "the home frame's x-axis, forward, runs through it"
+        lines.append(f"  marker: {marker}  # {through}")
     return "\n".join(lines) + "\n"
 
 
@@ -295,7 +298,7 @@ def print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:
         "body": ", ".join(roles.body) or "not guessed",
         "feet": ", ".join(roles.feet) or "not guessed",
         "boom": ", ".join(roles.boom),
-        "home": draft.home,
+        "home": ", ".join(draft.home),
         "unit": str(draft.settings.get("input", {}).get("unit", "")),
     }
     reasons = {**roles.reasons, "unit": inspection.unit.why}
@@ -351,7 +354,7 @@ def draft_of(
             reasons[f"markers.{role}"] = f"{what} {roles.reasons[role]}."
     if roles.reasons.get("unused"):
         reasons["markers.unused"] = f" ({roles.reasons['unused']})"
-    home = ""
+    home: tuple[str, ...] = ()
     # Without a reason no home marker is written. The default then applies: unlike the
     # guess, it does not depend on the order of the markers.
     if roles.reasons.get("home"):

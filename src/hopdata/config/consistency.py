@@ -396,8 +396,10 @@ def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
 
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
     marker = config["home"]["marker"]
+    if isinstance(marker, str):
+        marker = [marker]
     if marker is not None:
-        named = [("home.marker", marker)]
+        named = [("home.marker", one) for one in marker]
         yield from _unknown("a body marker", config["markers"]["body"], named)
 
 

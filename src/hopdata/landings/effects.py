@@ -113,8 +113,8 @@ class Methods:
         Options of `touchdown_table`.
     states : mapping
         Options of `assemble_pairs` that concern the fit.
-    home_marker : str, optional
-        Marker of the home frame.
+    home_marker : str or sequence of str, optional
+        Marker of the home frame, or several.
     """
 
     floor: Mapping[str, Any] = field(default_factory=dict)
@@ -125,7 +125,7 @@ class Methods:
     sections: Mapping[str, Any] = field(default_factory=dict)
     touchdowns: Mapping[str, Any] = field(default_factory=dict)
     states: Mapping[str, Any] = field(default_factory=dict)
-    home_marker: str | None = None
+    home_marker: str | Sequence[str] | None = None
 
 
 @dataclass(frozen=True)

@@ -280,6 +280,20 @@ def _of_orders(inputs: ReportInputs, facts: Mapping[str, Any]) -> Message:
     return Message("report.methods_orders", values)
 
 
+def forward_of(config: Mapping[str, Any]) -> Message:
+    """Return which way is forward in the home frame of a study."""
+    markers = (config.get("home") or {}).get("marker")
+    if not markers:
+        return Message("report.forward_to_farthest")
+    if isinstance(markers, str):
+        markers = [markers]
+    if len(markers) == 1:
+        return Message("report.forward_to_one", {"marker": markers[0]})
+    all_but_last = ", ".join(markers[:-1])
+    listed = Message("report.pair", {"first": all_but_last, "second": markers[-1]})
+    return Message("report.forward_between", {"markers": listed})
+
+
 def _of_sections(
     inputs: ReportInputs, facts: Mapping[str, Any], config: Mapping[str, Any]
 ) -> list[Message]:
@@ -287,7 +301,10 @@ def _of_sections(
     if not facts["pre"] or not facts["post"]:
         return []
     said = [
-        Message("report.methods_sections", {"pre": facts["pre"], "post": facts["post"]})
+        Message(
+            "report.methods_sections", {"pre": facts["pre"], "post": facts["post"]}
+        ),
+        forward_of(config),
     ]
     if facts["pre_given"] and facts["post_given"]:
         said.append(Message("report.methods_heights_given"))

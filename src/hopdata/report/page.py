@@ -15,7 +15,7 @@ from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
 from hopdata.report.inputs import ReportInputs, as_yaml, placed_pictures, rendered
 from hopdata.report.language import require_language
-from hopdata.report.methods import methods
+from hopdata.report.methods import forward_of, methods
 from hopdata.report.scene import landings_scene
 
 # The key numbers at the top of the page, which captions may also use.
@@ -49,7 +49,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         forces; ``mainly``, which orders differ most, in words;
         ``feet``, their names with their numbers. ``simulated``, whether the
         recordings are of a simulation; ``noise_left``, the share of the noise that
-        the corrected map allows for, if it is not all.
+        the corrected map allows for, if it is not all. ``forward``, which way that is
+        in the home frame.
     """
     truth = inputs.truth or {}
     slopes = _by_name(truth, "scaling_slope_")
@@ -80,6 +81,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "simulated": bool(truth) or inputs.simulated or _from_simulation(inputs),
         "mainly": str((inputs.verdict or {}).get("main_contrast") or ""),
         "noise_left": _noise_allowed_for(inputs.notes),
+        "forward": str(forward_of((inputs.provenance or {}).get("config") or {})),
     }
 
 

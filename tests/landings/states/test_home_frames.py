@@ -51,6 +51,14 @@ def test_a_long_gap_is_not_bridged():
     assert np.isnan(home_frames(TIME, track, *ends, marker=0).origin).all()
 
 
+def test_forward_may_run_between_markers():
+    ends = np.array([0.05]), np.array([0.25])
+    ahead = home_frames(TIME, body(), *ends, marker=0)
+    behind = home_frames(TIME, body(), *ends, marker=[1, 2])
+    np.testing.assert_allclose(behind.direction, -ahead.direction, atol=1e-12)
+    np.testing.assert_array_equal(behind.origin, ahead.origin)
+
+
 def test_origin_axis_and_heights():
     track = body()
     t_pre, t_post = np.array([0.05]), np.array([0.25])

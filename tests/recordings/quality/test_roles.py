@@ -205,11 +205,19 @@ def test_feet_that_never_land_are_taken_by_name_or_asked_for():
 )
 def test_the_home_marker_is_one_that_inspect_calls_good(spoilt):
     positions = hopping(5)[1]
-    assert roles(positions).home == "hip1"
+    assert roles(positions).home == ("hip1",)
     found = roles(spoilt(positions))
     assert found.body[0] == "hip1"
-    assert found.home == "hip2"
+    assert found.home == ("hip2",)
     assert "without fault; hip1: " in str(found.reasons["home"])
+
+
+def test_forward_is_between_the_markers_on_the_front_of_the_pelvis():
+    named = {"hip1": "SACR", "hip2": "RASI", "hip3": "LASI"}
+    markers = tuple(named.get(name, name) for name in MARKERS)
+    found = roles(hopping(5)[1], markers)
+    assert set(found.home) == {"LASI", "RASI"}
+    assert "on the front of the pelvis" in str(found.reasons["home"])
 
 
 def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
@@ -222,7 +230,7 @@ def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
         for frame in frames:
             positions = with_spike(positions, name, frame, 0.05)
     found = roles(positions)
-    assert found.home == "hip3"
+    assert found.home == ("hip3",)
     assert "the best of the body's, none of them without fault: 1 susp" in str(
         found.reasons["home"]
     )

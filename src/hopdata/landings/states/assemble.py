@@ -45,7 +45,7 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
     *,
     pre_height_m: float,
     post_height_m: float,
-    home_marker: str | None = None,
+    home_marker: str | Sequence[str] | None = None,
     method: str = "split_fit",
     window_s: float | None = None,
     gravity: str = "auto",
@@ -62,8 +62,9 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
         Their touchdowns.
     pre_height_m, post_height_m : float
         The sections, m.
-    home_marker : str, optional
-        Body marker on the x axis of the home frame; by default the `farthest_marker`.
+    home_marker : str or sequence of str, optional
+        Body marker on the x axis of the home frame, or several whose middle is on it;
+        by default the `farthest_marker`.
     method, window_s, gravity
         See `hopdata.landings.states.fits.section_states`.
     ambiguous : {"keep", "pool", "exclude"}
@@ -96,13 +97,16 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
         table = table.assign(schedule=table["schedule"].where(is_sure, ""))
     if not home_marker:
         home_marker = farthest_marker(recordings)
+    if isinstance(home_marker, str):
+        home_marker = [home_marker]
     parts = []
     # The order of the landings decides random draws, so it is not that of the
     # configuration.
     in_order = sorted(recordings, key=lambda one: one.name)
     starts = session_starts(in_order, begins_s or {})
     for recording, start_s in zip(in_order, starts, strict=True):
-        marker = recording.names("body").index(home_marker)
+        names = recording.names("body")
+        home = [names.index(one) for one in home_marker]
         is_own = table["recording"] == recording.name
         used = table[is_own & ~table["excluded"].astype(bool)]
         if not len(used):
@@ -110,7 +114,7 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
         options = {"method": method, "window_s": window_s, "gravity": gravity}
         pre, post = _states(recording, used, pre_height_m, post_height_m, options)
         later_s = start_s - float(recording.time[0])
-        part = _pairs_of(recording, used, pre, post, marker, window_s, later_s)
+        part = _pairs_of(recording, used, pre, post, home, window_s, later_s)
         parts.append(part)
     n_pairs = sum(len(part) for part in parts)
     if n_pairs < LEAST_PAIRS:
@@ -261,7 +265,7 @@ def _pairs_of(
     used: pd.DataFrame,
     pre: SectionStates,
     post: SectionStates,
-    marker: int,
+    markers: Sequence[int],
     window_s: float | None,
     later_s: float,
 ) -> Pairs:
@@ -275,7 +279,7 @@ def _pairs_of(
         recording.body,
         t_pre,
         used["t_post_s"].to_numpy(),
-        marker=marker,
+        marker=markers,
         time_scale=recording.time_scale,
     )
     x, x_se = _in_home_frame(home, pre)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,16 +59,16 @@ def home_frames(
     t_pre: FloatArray,
     t_post: FloatArray,
     *,
-    marker: int,
+    marker: int | Sequence[int],
     time_scale: float = 1.0,
 ) -> HomeFrames:
     """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
 
     The origin is the mean body position during the touchdown, and the x axis runs from
-    it through the mean position of one marker. Means are time averages of the markers'
-    tracks between the two instants. Tracks are linear between frames, so the means do
-    not depend on where the frames fall. Short gaps are bridged by a straight line; a
-    touchdown with a longer gap has no home frame (NaN).
+    it through the mean position of one marker, or of several. Means are time averages
+    of the markers' tracks between the two instants. Tracks are linear between frames,
+    so the means do not depend on where the frames fall. Short gaps are bridged by a
+    straight line; a touchdown with a longer gap has no home frame (NaN).
 
     Parameters
     ----------
@@ -77,8 +78,8 @@ def home_frames(
         Body markers in the world, m; NaN where unseen.
     t_pre, t_post : (L,) array
         Beginning and end of each touchdown, s.
-    marker : int
-        Number of the body marker on the x axis.
+    marker : int or sequence of int
+        Number of the body marker on the x axis, or of those whose middle is on it.
     time_scale : float
         Time scale of the recording.
 
@@ -89,17 +90,17 @@ def home_frames(
     Raises
     ------
     AnalysisError
-        If the marker lies at the origin in some touchdown.
+        If the marker, or the middle, lies at the origin in some touchdown.
     """
     means = track_means(time, body[:, :, :2], t_pre, t_post, time_scale)
     origin = means.mean(axis=1)
-    ray = means[:, marker] - origin
+    ray = means[:, np.atleast_1d(marker)].mean(axis=1) - origin
     length = np.hypot(ray[:, 0], ray[:, 1])
     if (length < LEAST_RADIUS_M).any():
         worst = np.argmin(np.where(np.isnan(length), np.inf, length))
         raise AnalysisError.at(
             "home.marker",
-            "a body marker away from the mean body position",
+            "body markers whose middle is away from the mean body position",
             f"it there in the touchdown at {float(t_pre[worst]):.3f} s",
         )
     return HomeFrames(origin, ray / length[:, None])

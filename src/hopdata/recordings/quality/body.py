@@ -221,8 +221,19 @@ class _Flaws:
 NO_FLAWS = _Flaws(0, 0.0)
 
 
-def home_marker(body: list[int], inspection: Inspection) -> tuple[str, Message | None]:
-    """Return the first body marker without flaws, or with the fewest, and the reason.
+#: Stems of the names of markers on the left and the right front of the pelvis.
+#: Origin: convention: the anterior superior iliac spines in the names of marker sets.
+FRONT_OF_PELVIS = frozenset({"asi", "asis", "ias"})
+
+
+def home_markers(
+    body: list[int], inspection: Inspection
+) -> tuple[tuple[str, ...], Message | None]:
+    """Return the body markers in whose direction forward is, and the reason.
+
+    They are the two on the front of the pelvis, if their names tell. Otherwise it is
+    the first without flaws, or with the fewest, and without a reason if it is the first
+    of all.
 
     Parameters
     ----------
@@ -241,18 +252,33 @@ def home_marker(body: list[int], inspection: Inspection) -> tuple[str, Message |
         flaws.append(
             _Flaws(times_suspected[name], share if share > HOME_UNSEEN else 0.0)
         )
+    front = _front_of_pelvis(names)
+    if front and all(flaws[k] == NO_FLAWS for k in front):
+        return tuple(names[k] for k in front), Message("recordings.home_in_front")
     best = flaws.index(min(flaws))
 
     if flaws[best] != NO_FLAWS:
-        return names[best], Message(
+        return (names[best],), Message(
             "recordings.home_best_of_bad", {"flaws": flaws[best].message()}
         )
     if best == 0:
-        return names[best], None
+        return (names[best],), None
     passed = [
         Message(
             "recordings.home_passed", {"marker": names[k], "flaws": flaws[k].message()}
         )
         for k in range(best)
     ]
-    return names[best], also(Message("recordings.home_first_sound"), *passed)
+    return (names[best],), also(Message("recordings.home_first_sound"), *passed)
+
+
+def _front_of_pelvis(names: Sequence[str]) -> tuple[int, ...]:
+    """Return the two markers on the front of the pelvis; none if not both are there."""
+    named = named_parts(tuple(names))
+    of_sides = {}
+    for k, (stem, side) in enumerate(zip(named.stems, named.sides, strict=True)):
+        if side and stem in FRONT_OF_PELVIS:
+            of_sides[side] = k
+    if {*of_sides} != {"l", "r"} or len(names) < 3:
+        return ()
+    return of_sides["l"], of_sides["r"]
