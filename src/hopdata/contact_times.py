@@ -500,8 +500,21 @@ def beside_plates_told(table: pd.DataFrame) -> list[Message]:
         "middle_ms": float(late_ms.median()),
         "most_ms": float(late_ms.abs().max()),
         "scatter": scatter,
+        "offsets": _offsets(table.loc[late_ms.index], late_ms),
     }
     return [Message("landings.contacts_beside_plates", values)]
+
+
+def _offsets(table: pd.DataFrame, late_ms: pd.Series) -> Message:
+    """Say how long after the plates the contacts of each foot are, beside its error."""
+    each = []
+    for foot, own in table.groupby("foot", sort=False):
+        late = f"{foot} {late_ms[own.index].mean():+.1f} ms"
+        common_s = float(own["common_s"].max())
+        if np.isfinite(common_s):
+            late += f" (common error {1e3 * common_s:.2g} ms)"
+        each.append(late)
+    return Message("landings.plate_offsets", {"each": ", ".join(each)})
 
 
 def _loading(number: int) -> str:
