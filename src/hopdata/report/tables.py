@@ -185,7 +185,7 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         "touchdowns",
         "of them ambiguous",
         "share (%)",
-        "median spread of contacts (ms)",
+        "median spread of contacts (sd, ms)",
         "mean probability of the order",
     )
     rarer = [len(group) for _, group in by_schedule[MOST_SCHEDULES:]]

@@ -100,7 +100,9 @@ class Verdict(Shown):
     saturates, saturation_p_value
         Whether it does, and the p-value of the test for it: see `saturation`.
     contact_spread
-        How far apart the contacts of a landing are, rms, in their own unit of time.
+        Spread of the contacts: standard deviation of the instants of a landing, rms
+        over the landings, in their own unit of time. Of two feet, it is half of how far
+        apart they touch.
     holds_from
         Time constant, in the unit of the contact instants, from which on a difference
         that saturates is at most ``margin`` at the simultaneous contact; None if no
