@@ -46,6 +46,7 @@ from hopdata.maps.verdict.words import (
     outlook,
     percent,
     sentence,
+    with_no_jump,
     with_reservation,
     without_upper_end,
 )
@@ -100,7 +101,9 @@ class Verdict(Shown):
     saturates, saturation_p_value
         Whether it does, and the p-value of the test for it: see `saturation`.
     contact_spread
-        How far apart the contacts of a landing are, rms, in their own unit of time.
+        Spread of the contacts: standard deviation of the instants of a landing, rms
+        over the landings, in their own unit of time. Of two feet, it is half of how far
+        apart they touch.
     holds_from
         Time constant, in the unit of the contact instants, from which on a difference
         that saturates is at most ``margin`` at the simultaneous contact; None if no
@@ -541,8 +544,9 @@ def _answer(
         options.margin,
         spreads=spreads,
         over_landings=True,
-        jump_bound=None if jump is None else jump.upper_bound,
     )
+    if conclusion == NO_DIFFERENCE and jump is not None:
+        said = with_no_jump(said, jump.upper_bound)
     if contact.saturates:
         said = without_upper_end(said, conclusion, effect.low)
     return _Answer(

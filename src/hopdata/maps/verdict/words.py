@@ -41,7 +41,6 @@ def sentence(
     subjects: int | None = None,
     spreads: float | None = None,
     over_landings: bool = False,
-    jump_bound: float | None = None,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -62,8 +61,6 @@ def sentence(
         with it.
     over_landings
         Whether the sizes are those over the landings.
-    jump_bound
-        Upper bound of the jump, said where no difference was found.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
@@ -84,8 +81,6 @@ def sentence(
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
-    if jump_bound is not None:
-        values["jumps"] = Message("maps.and_no_jump", {"bound": percent(jump_bound)})
     if over_landings:
         values["where"] = Message("maps.over_landings")
     if subjects is not None:
@@ -110,6 +105,12 @@ def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
         return Message("maps.cannot_tell_at_contact", said.values)
     at_contact = Message("maps.no_upper_end", {"low": percent(low)})
     return with_reservation(said, at_contact)
+
+
+def with_no_jump(said: Message, bound: float) -> Message:
+    """Return the sentence on no difference, with the jump that is not excluded."""
+    jumps = Message("maps.and_no_jump", {"bound": percent(bound)})
+    return Message(said.code, {**said.values, "jumps": jumps})
 
 
 def with_reservation(sentence: Message, reservation: Message) -> Message:
