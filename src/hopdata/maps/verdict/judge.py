@@ -368,6 +368,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         measured,
         options,
         spreads,
+        jump,
     )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
@@ -517,6 +518,7 @@ def _answer(
     measured: Measured,
     options: Options,
     spreads: float | None,
+    jump: EffectSize | None,
 ) -> _Answer:
     """Return what the size of the difference says.
 
@@ -539,6 +541,7 @@ def _answer(
         options.margin,
         spreads=spreads,
         over_landings=True,
+        jump_bound=None if jump is None else jump.upper_bound,
     )
     if contact.saturates:
         said = without_upper_end(said, conclusion, effect.low)

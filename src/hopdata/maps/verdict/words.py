@@ -41,6 +41,7 @@ def sentence(
     subjects: int | None = None,
     spreads: float | None = None,
     over_landings: bool = False,
+    jump_bound: float | None = None,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -61,12 +62,15 @@ def sentence(
         with it.
     over_landings
         Whether the sizes are those over the landings.
+    jump_bound
+        Upper bound of the jump, said where no difference was found.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
     values: dict[str, Any] = {
         "compared": compared,
         "where": "",
+        "jumps": "",
         "size": percent(estimate),
         "low": percent(low),
         "high": percent(high),
@@ -80,6 +84,8 @@ def sentence(
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
+    if jump_bound is not None:
+        values["jumps"] = Message("maps.and_no_jump", {"bound": percent(jump_bound)})
     if over_landings:
         values["where"] = Message("maps.over_landings")
     if subjects is not None:
