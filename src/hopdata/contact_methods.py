@@ -14,6 +14,13 @@ from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.report.methods import CITED, Methods, references
 
+# What is said of each method of hopdata.
+METHODS_SAID = {
+    "kink": "report.contacts_by_kink",
+    "velocity_minimum": "report.contacts_by_velocity",
+    "velocity_minimum_parabola": "report.contacts_by_parabola",
+}
+
 # Packages whose versions are stated.
 STATED = ("numpy", "numba")
 
@@ -24,6 +31,7 @@ def contact_methods(
     *,
     recordings: Sequence[Recording],
     messages: Sequence[Message],
+    method: str = "kink",
 ) -> Methods:
     """Return the methods paragraph of some contacts, with the references it cites.
 
@@ -37,10 +45,12 @@ def contact_methods(
         The recordings.
     messages : sequence of Message
         What was told of them.
+    method : str
+        The method that timed the contacts.
     """
     parts = [
         _of_recordings(recordings),
-        Message("report.contacts_by_kink"),
+        _by_method(method),
         *_of_contacts(table, n_landings),
         *_of_messages(messages),
         _of_software(),
@@ -58,6 +68,13 @@ def _of_recordings(recordings: Sequence[Recording]) -> Message:
         "feet": ", ".join(_feet(recordings)),
     }
     return Message("report.contacts_recorded", values)
+
+
+def _by_method(method: str) -> Message:
+    """Say what a contact is by a method; one of another package is named only."""
+    if method in METHODS_SAID:
+        return Message(METHODS_SAID[method])
+    return Message("report.contacts_by_other", {"method": method})
 
 
 def _of_contacts(table: pd.DataFrame, n_landings: int) -> Iterator[Message]:

@@ -74,7 +74,7 @@ def test_without_a_known_method_none_is_named():
 
 SAYS = {
     "different": ("interval with the estimate in it", "each has a map of its own"),
-    "no difference": ("cannot exclude", "one map leads on from each"),
+    "no difference": ("cannot exclude", "those of the orders were not found to differ"),
     "cannot tell": ("cannot exclude", "or each has its own"),
 }
 

@@ -8,6 +8,7 @@ from test_page import Page
 
 import hopdata
 from hopdata.config.loading import load_config
+from hopdata.messages import Message
 from hopdata.report.methods import CITED, methods
 from hopdata.report.page import build_report, study_facts
 from hopdata.report.tables import NO_FOOT_LANDED
@@ -174,3 +175,34 @@ def test_the_scene_and_the_noise_of_a_simulation_are_named():
     assert made.startswith("A simulation of")
     assert "scene hopper of hopdata" in made
     assert "noise of 0.6 mm" in made
+
+
+def joined_study():
+    """Return a study of two feet of two markers each."""
+    feet = {"left": ["L_HEEL", "L_TOE"], "right": ["R_HEEL", "R_TOE"]}
+    inputs = full_study()
+    table = inputs.touchdowns.assign(contact_left_s=1.0, contact_right_s=1.1)
+    record = dict(inputs.provenance)
+    joined = [{"name": name, "markers": own} for name, own in feet.items()]
+    record["config"] = record["config"] | {"feet": joined}
+    recordings = [{**inputs.recordings[0], "n_feet": 4}]
+    return full_study(touchdowns=table, provenance=record, recordings=recordings)
+
+
+def test_markers_of_one_foot_are_one_foot():
+    inputs = joined_study()
+    text = of(inputs).text
+    assert "on 2 feet: left (L_HEEL, L_TOE), right (R_HEEL, R_TOE)" in text
+    assert "that of the first of them to land" in text
+    page = Page(build_report(inputs)).text.replace("\u00a0", " ")
+    assert "of 2 possible, in the touchdowns used" in page
+    alone = of(full_study()).text
+    assert "on the feet 3" in alone
+    assert "first of them to land" not in alone
+    assert "of 6 possible" in Page(build_report(full_study())).text
+
+
+def test_both_paragraphs_say_that_kinks_are_found_by_maximum_likelihood():
+    assert "found by maximum likelihood" in of(full_study()).text
+    said = str(Message("report.contacts_by_kink"))
+    assert "found by maximum likelihood" in said

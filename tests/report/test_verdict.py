@@ -1,8 +1,10 @@
+import numpy as np
 import pandas as pd
 import pytest
 from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
+from hopdata.maps.verdict.inputs import contact_spread
 from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.messages import Message
 from hopdata.report.page import build_report
@@ -102,11 +104,10 @@ def test_what_foretells_the_contacts_stands_under_the_verdict_and_its_picture():
 def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings():
     reach = {"holds_from": 0.00652, "contact_spread": 0.0119}
     page = Page(build_report(full_study(verdict=verdict(**reach))))
-    said = (
-        "showed nowhere but in landings whose contacts lie within about 6.5 ms of each "
-    )
-    assert f"{said}other. Here they usually lie 12 ms apart (rms)." in page.text
-    assert "within about 6.5 ms of each other could be more than 20 %" in page.text
+    text = page.text.replace("\u00a0", " ")
+    spread = "contacts spread by 12 ms (standard deviation of the instants of a landing"
+    assert f"spent once contacts are some 6.5 ms apart. Here {spread}, rms)." in text
+    assert "6.5 ms apart could be more than 20 % where all feet touch at once" in text
     assert "it is spent" not in page.text.lower()
     assert "6.5" not in Page(build_report(full_study())).text
 
@@ -124,6 +125,19 @@ def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings()
     facts = verdict_facts(verdict(**reach | found | jump))
     assert facts["over_landings"] is None
     assert facts["holds_from"] is None
+
+
+def test_two_feet_touch_twice_their_spread_apart():
+    """A standard deviation of two instants is half of their difference."""
+    instants = np.array([[0.0, 0.0138], [0.0138, 0.0]])
+    spread_s = contact_spread(instants)
+    found = {"conclusion": "different", "contact_spread": spread_s}
+    said = " ".join(map(str, answer(verdict(**found | {"n_feet": 2}))))
+    said = said.replace("\u00a0", " ")
+    assert "spread by 6.9 ms (standard deviation" in said
+    assert "the two feet touch 14 ms apart" in said
+    of_three = " ".join(map(str, answer(verdict(**found | {"n_feet": 3}))))
+    assert "apart" not in of_three
 
 
 def test_notes_stand_under_the_verdict():
@@ -265,7 +279,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     assert str(said).endswith("over these landings, at 95 % confidence.")
     head = Page(build_report(full_study(verdict=known))).text.partition("At a glance")
     words = str(reservation).replace("\u00a0", " ")
-    assert "within about 8.1 ms of each other" in words
+    assert "spent once contacts are some 8.1 ms apart" in words
     assert words in head[0].replace("\u00a0", " ")
     assert "contact spreads" not in head[0]
     assert answer(verdict()) == [verdict()["sentence"]]
@@ -302,7 +316,7 @@ def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():
     known = verdict(conclusion="different", contact_spread=0.0112)
     said, scale = answer(known)
     assert said == known["sentence"]
-    assert "lie 11 ms apart" in str(scale).replace("\u00a0", " ")
+    assert "spread by 11 ms (standard deviation" in str(scale).replace("\u00a0", " ")
     assert answer(verdict(contact_spread=0.0112)) == [verdict()["sentence"]]
     jump = {"decided_by": "jump", "jump": verdict()["effect"]}
     assert answer(known | jump) == [known["sentence"]]

@@ -31,7 +31,7 @@ AXES = {
 # Conclusion: a short answer, and its shade. Colours mark the feet, and nothing else.
 ANSWERS = {
     "different": ("Different maps", style.INK),
-    "no difference": ("One smooth map", style.INK),
+    "no difference": ("No difference found", style.INK),
     "cannot tell": ("Cannot tell", style.GREY),
 }
 # An interval longer than this multiple of everything else is cut, and ends in an
@@ -60,7 +60,7 @@ def verdict_figure(
     -------
     Figure
         (a) The difference and its uncertainty. (b) All orders of contact, and whether
-        one map leads on from them. If a study has no answer, there is (b) alone. All
+        their maps were found to differ. If a study has no answer, there is (b) alone. All
         sentences are in the caption.
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
@@ -71,7 +71,7 @@ def verdict_figure(
         height_mm = _height_of_orders(touchdowns, 0.0)
         figure = style.paper_figure(style.SINGLE_COLUMN_MM, height_mm)
         axes = figure.subplots()
-        _draw_orders(axes, verdict["conclusion"], touchdowns, fewest=1)
+        _draw_orders(axes, verdict, touchdowns, fewest=1)
         axes.set_title(in_short(verdict), **TITLE, color=style.GREY)
         return figure
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, _height_of_orders(touchdowns))
@@ -144,7 +144,7 @@ def _draw_row(
 ) -> Axes:
     """Draw size and orders side by side; without an answer, no size."""
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.05))
-    _draw_orders(right, verdict["conclusion"], touchdowns)
+    _draw_orders(right, verdict, touchdowns)
     if verdict.get("effect") is None:
         left.set_title(in_short(verdict), **TITLE, color=style.GREY)
         left.set_axis_off()
@@ -292,7 +292,9 @@ def in_short(verdict: Mapping[str, Any]) -> str:
         return f"{answer}: no upper bound"
     bound = _percent(effect["upper_bound"])
     if verdict["conclusion"] == "no difference":
-        return f"{answer}: no difference above {bound}"
+        if verdict.get("holds_from") is None:
+            return f"No difference above {bound}"
+        return f"No difference above {bound} over these landings"
     if verdict["conclusion"] == "cannot tell":
         return f"{answer}: up to {bound} possible"
     size = _percent(effect["estimate"])
@@ -357,7 +359,7 @@ def _height_of_orders(touchdowns: pd.DataFrame, least_mm: float = ROW_MM) -> flo
 
 def _draw_orders(
     axes: Axes,
-    conclusion: str,
+    verdict: Mapping[str, Any],
     touchdowns: pd.DataFrame,
     *,
     fewest: int = FEWEST_ROWS,
@@ -397,7 +399,7 @@ def _draw_orders(
         _draw_count(axes, rows, int(rarer.sum()), most)
         rows += 1
     if rows > 1:  # a single order leaves nothing to compare
-        _draw_maps(axes, conclusion, rows)
+        _draw_maps(axes, verdict, rows)
     axes.set_xlim(-1.0, 100.0)
     axes.set_ylim(max(rows, fewest) - 0.4, -1.6)
     axes.set_axis_off()
@@ -422,8 +424,9 @@ def _draw_count(axes: Axes, row: int, count: int, most: int) -> None:
     style.note(axes, f"{count:,}", at, (2, 0), va="center_baseline")
 
 
-def _draw_maps(axes: Axes, conclusion: str, rows: int) -> None:
-    """Draw what leads on from the orders: one map, own maps, or it is not known."""
+def _draw_maps(axes: Axes, verdict: Mapping[str, Any], rows: int) -> None:
+    """Draw what leads on from the orders: maps alike, own maps, or it is not known."""
+    conclusion = verdict["conclusion"]
     _, colour = ANSWERS[conclusion]
     left, right = LINES
     line: Any = {"color": colour, "linewidth": 0.8}
@@ -442,7 +445,10 @@ def _draw_maps(axes: Axes, conclusion: str, rows: int) -> None:
     middle = 0.5 * (rows - 1)
     for row in range(rows):
         axes.plot([left, right], [row, middle], **line)
-    words = {"no difference": "one map", "cannot tell": "one map?"}[conclusion]
+    words = "one map?"
+    if conclusion == "no difference":
+        bound = _percent(verdict[_decided(verdict)]["upper_bound"])
+        words = f"alike to\n{bound}"
     box = {"boxstyle": "round,pad=0.4", "facecolor": colour, "linewidth": 0}
     look: Any = {"color": "white", "fontweight": "bold", "bbox": box}
     axes.text(MAP, middle, words, ha="center", va="center", zorder=3, **look)

@@ -154,7 +154,8 @@ class ReportInputs(PageInputs):
     ----------
     recordings : sequence of mappings
         One per recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz,
-        n_feet, n_body, seen`` (fraction of the marker positions that were seen).
+        n_feet, n_body, seen`` (markers of the feet and of the body; fraction of the
+        marker positions that were seen).
     touchdowns : DataFrame, optional
         The study's table of touchdowns, including excluded ones.
     filled : DataFrame, optional
@@ -209,6 +210,29 @@ class ReportInputs(PageInputs):
     simulated: bool = False
     one_or_own: pd.DataFrame | None = None
     settings: Mapping[str, Any] | None = None
+
+
+def joined_feet(provenance: Mapping[str, Any] | None) -> dict[str, tuple[str, ...]]:
+    """Return the markers of each foot that a study joins from several, by its name."""
+    feet = ((provenance or {}).get("config") or {}).get("feet") or ()
+    return {str(foot["name"]): tuple(foot["markers"]) for foot in feet}
+
+
+def count_feet(recording: Mapping[str, Any], provenance: Any = None) -> int | None:
+    """Return how many feet a recording has; markers of one foot count once.
+
+    Parameters
+    ----------
+    recording : mapping
+        One of `ReportInputs.recordings`, whose ``n_feet`` counts markers.
+    provenance : mapping, optional
+        From which `joined_feet` are known.
+    """
+    n_markers = recording.get("n_feet")
+    if n_markers is None:
+        return None
+    further = [len(markers) - 1 for markers in joined_feet(provenance).values()]
+    return int(n_markers) - sum(further)
 
 
 def describe_recording(recording: Recording) -> dict[str, Any]:

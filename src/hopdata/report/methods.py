@@ -15,7 +15,7 @@ from hopdata.feet import foot_names
 from hopdata.foreign.working_folder import is_own
 from hopdata.messages import Message
 from hopdata.report.formatting import significant
-from hopdata.report.inputs import ReportInputs
+from hopdata.report.inputs import ReportInputs, count_feet, joined_feet
 from hopdata.report.tables import NO_FOOT_LANDED, excluded
 
 BIBTEX = Path(__file__).with_name("references.bib")
@@ -36,6 +36,9 @@ STATES_BY = {
 MOST_REASONS = 5
 # Key of the reference to hopdata itself, which the text names by its version.
 ITSELF = "hopdata"
+# What is compared if there are many feet.
+PAIRS_OF_FEET = "maps.pairs_of_feet"
+
 # How each is cited in the text, by its key among the references.
 CITED = {
     "burden2016": "Burden et al. 2016",
@@ -141,7 +144,7 @@ def _of_recordings(
         "frames": f"{facts['n_frames']:,}",
         "rate": " and ".join(f"{rate:g}" for rate in rates),
         "body": _counted_names(one.get("n_body"), markers.get("body")),
-        "feet": _counted_names(one.get("n_feet"), foot_names(_columns(inputs))),
+        "feet": _feet(one, inputs),
     }
     if not facts["simulated"]:
         return Message("report.methods_recordings", values)
@@ -155,6 +158,21 @@ def _of_recordings(
     values["noise"] = f"{1e3 * cameras['noise_m']:.2g}"
     values["noise_of"] = cameras["noise_of"]
     return Message("report.methods_scene", values)
+
+
+def _feet(recording: Mapping[str, Any], inputs: ReportInputs) -> Message:
+    """Name the feet, and of each the markers if some feet have several."""
+    names = foot_names(_columns(inputs))
+    joined = joined_feet(inputs.provenance)
+    number = count_feet(recording, inputs.provenance)
+    if not joined:
+        values = {"feet": _counted_names(number, names)}
+        return Message("report.methods_feet", values)
+    own = {name: (name,) for name in names} | joined
+    listed = [f"{foot} ({', '.join(markers)})" for foot, markers in own.items()]
+    values = {"count": "1 foot" if number == 1 else f"{number} feet"}
+    values["feet"] = ", ".join(listed)
+    return Message("report.methods_joined_feet", values)
 
 
 def _columns(inputs: ReportInputs) -> Sequence[Any]:
@@ -199,6 +217,8 @@ def _of_contacts(inputs: ReportInputs, facts: Mapping[str, Any]) -> list[Message
     if table is None or facts["n_used"] is None:
         return []
     said = [Message(FOUND_BY.get(str(facts["method"]), "report.methods_by_other"))]
+    if facts["method"] == "kink" and joined_feet(inputs.provenance):
+        said.append(Message("report.methods_first_marker"))
     used = table[~excluded(table)]
     alone_ms = _median_ms(used, "se_")
     common_ms = _median_ms(used, "common_")
@@ -364,6 +384,11 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         said.append(Message("report.methods_jump", values))
     elif effect is not None:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
+        pair = "report.methods_two_orders"
+        what = verdict.get("messages", {}).get("compared") or {}
+        if what.get("code") == PAIRS_OF_FEET:
+            pair = "report.methods_two_feet"
+        values["pair"] = Message(pair)
         said.append(Message("report.methods_size", values))
     return said
 

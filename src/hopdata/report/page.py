@@ -13,7 +13,13 @@ from hopdata.feet import foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report import tables, verdict
-from hopdata.report.inputs import ReportInputs, as_yaml, placed_pictures, rendered
+from hopdata.report.inputs import (
+    ReportInputs,
+    as_yaml,
+    count_feet,
+    placed_pictures,
+    rendered,
+)
 from hopdata.report.language import require_language
 from hopdata.report.methods import forward_of, methods
 from hopdata.report.scene import landings_scene
@@ -496,7 +502,8 @@ def _orders_remark(
     facts: Mapping[str, Any], inputs: ReportInputs
 ) -> Message | str | None:
     """Say how many orders are possible, and how far apart the contacts are."""
-    feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
+    counts = [count_feet(item, inputs.provenance) for item in inputs.recordings]
+    feet = max((number or 0 for number in counts), default=0)
     number = show.count(math.factorial(feet))
     possible = Message("report.possible_orders", {"number": number})
     spread = Message("report.spread", {"spread": facts["spread"]})
@@ -566,7 +573,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "faults": tables.faults_table(inputs.faults),
         "remarks": tables.remarks_table(inputs.remarks),
         "excluded": tables.excluded_table(inputs.touchdowns, inputs.levelled),
-        "recordings": tables.recordings_table(inputs.recordings),
+        "recordings": tables.recordings_table(inputs.recordings, inputs.provenance),
         "filled": tables.filled_table(inputs.filled, inputs.touchdowns),
         "floor": tables.floor_table(inputs.floors),
         "sections": tables.sections_table(inputs.sections),

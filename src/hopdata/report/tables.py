@@ -14,6 +14,7 @@ from hopdata.feet import foot_names, with_foot_names
 from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.report import formatting as show
+from hopdata.report.inputs import count_feet
 from hopdata.report.scene import small_plot
 
 # Recordings, floor, sections and touchdowns.
@@ -28,7 +29,9 @@ MOST_RECORDINGS = 6
 MOST_GAPPY = 24
 
 
-def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | None:
+def recordings_table(
+    recordings: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any] | None = None
+) -> show.Table | None:
     """Return one row per recording: its source, its duration and how much was seen."""
     columns: show.Columns = {
         "recording": show.text("name"),
@@ -36,7 +39,8 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | No
         "frames": show.counted("n_frames"),
         "duration (s)": show.decimals("duration_s", 1),
         "rate (Hz)": lambda item: show.significant(item.get("rate_hz"), 4),
-        "feet": show.counted("n_feet"),
+        "feet": lambda item: show.count(count_feet(item, provenance)),
+        "foot markers": show.counted("n_feet"),
         "body markers": show.counted("n_body"),
         "seen (%)": show.decimals("seen", 2, 100),
     }
@@ -181,7 +185,7 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         "touchdowns",
         "of them ambiguous",
         "share (%)",
-        "median spread of contacts (ms)",
+        "median spread of contacts (sd, ms)",
         "mean probability of the order",
     )
     rarer = [len(group) for _, group in by_schedule[MOST_SCHEDULES:]]

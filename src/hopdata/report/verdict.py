@@ -32,6 +32,9 @@ REACH = ("margin", "holds_from", "contact_spread")
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
+# Feet whose spread is half of how far apart they touch.
+TWO = 2
+
 #: A difference may saturate if the p-value of that is below this.
 #: Unit: 1. Origin: chosen: that of the verdict (`hopdata.maps.verdict.saturation`).
 SATURATES_BELOW = 0.01
@@ -119,7 +122,18 @@ def _scale(verdict: Verdict) -> list[Message | str]:
     spread = verdict.get("contact_spread")
     if spread is None or verdict.get("decided_by") == "jump":
         return []
-    return [Message("report.scale", {"contact_spread": _milliseconds(spread)})]
+    return [Message("report.scale", {"contact_spread": _spread(verdict)})]
+
+
+def _spread(verdict: Verdict) -> Message:
+    """Return the spread of the contacts, and of two feet how far apart they are."""
+    spread_s = verdict["contact_spread"]
+    values = {"spread": _milliseconds(spread_s)}
+    if verdict.get("n_feet") != TWO:
+        return Message("report.spread_of_landing", values)
+    # The standard deviation of two instants is half of their difference.
+    values["apart"] = _milliseconds(2.0 * spread_s)
+    return Message("report.spread_of_two_feet", values)
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:
@@ -225,7 +239,7 @@ def verdict_facts(
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
-        and ``contact_spread``, how far apart the contacts are, in ms; ``compared``,
+        and ``contact_spread``, the spread of the contacts with what it is; ``compared``,
         what was compared; ``landings``, how many were judged, ``fitted``, how many of
         these were fitted, and ``left_out``, how many are like none of these;
         ``foretold``, the share of their order that is;
@@ -322,7 +336,7 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
     holds_from = verdict.get("holds_from")
     if verdict["conclusion"] == "no difference" and holds_from is not None:
         facts["holds_from"] = _milliseconds(holds_from)
-        facts["contact_spread"] = _milliseconds(verdict["contact_spread"])
+        facts["contact_spread"] = str(_spread(verdict))
     return facts
 
 

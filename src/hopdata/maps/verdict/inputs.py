@@ -255,7 +255,7 @@ def section_landings(
 
 
 def contact_spread(instants: FloatArray) -> float:
-    """Return how far apart the contacts (n, feet) of a landing are, rms."""
+    """Return the spread of contacts (n, feet): the sd of those of a landing, rms."""
     return float(np.sqrt(np.mean(np.var(instants, axis=1))))
 
 

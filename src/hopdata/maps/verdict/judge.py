@@ -46,6 +46,7 @@ from hopdata.maps.verdict.words import (
     outlook,
     percent,
     sentence,
+    with_no_jump,
     with_reservation,
     without_upper_end,
 )
@@ -100,7 +101,9 @@ class Verdict(Shown):
     saturates, saturation_p_value
         Whether it does, and the p-value of the test for it: see `saturation`.
     contact_spread
-        How far apart the contacts of a landing are, rms, in their own unit of time.
+        Spread of the contacts: standard deviation of the instants of a landing, rms
+        over the landings, in their own unit of time. Of two feet, it is half of how far
+        apart they touch.
     holds_from
         Time constant, in the unit of the contact instants, from which on a difference
         that saturates is at most ``margin`` at the simultaneous contact; None if no
@@ -368,6 +371,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         measured,
         options,
         spreads,
+        jump,
     )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
@@ -517,6 +521,7 @@ def _answer(
     measured: Measured,
     options: Options,
     spreads: float | None,
+    jump: EffectSize | None,
 ) -> _Answer:
     """Return what the size of the difference says.
 
@@ -540,6 +545,8 @@ def _answer(
         spreads=spreads,
         over_landings=True,
     )
+    if conclusion == NO_DIFFERENCE and jump is not None:
+        said = with_no_jump(said, jump.upper_bound)
     if contact.saturates:
         said = without_upper_end(said, conclusion, effect.low)
     return _Answer(
