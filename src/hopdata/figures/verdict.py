@@ -60,8 +60,8 @@ def verdict_figure(
     -------
     Figure
         (a) The difference and its uncertainty. (b) All orders of contact, and whether
-        their maps were found to differ. If a study has no answer, there is (b) alone. All
-        sentences are in the caption.
+        their maps were found to differ. If a study has no answer, there is (b) alone.
+        All sentences are in the caption.
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(

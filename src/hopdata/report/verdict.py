@@ -239,8 +239,8 @@ def verdict_facts(
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
-        and ``contact_spread``, the spread of the contacts with what it is; ``compared``,
-        what was compared; ``landings``, how many were judged, ``fitted``, how many of
+        and ``contact_spread``, the spread of the contacts with what it is;
+        ``compared``, what was compared; ``landings``, how many were judged, ``fitted``, how many of
         these were fitted, and ``left_out``, how many are like none of these;
         ``foretold``, the share of their order that is;
         ``mainly``, what differs most; ``needed``, the landings with which ``asked``
