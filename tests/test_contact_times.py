@@ -344,12 +344,16 @@ def test_scatter_beside_plates_is_told_with_what_the_errors_state():
     # The right foot is 10 ms later in all: that is no scatter.
     table["foot"] = ["left"] * 6 + ["right"] * 6
     table.loc[6:, "contact_s"] += 0.01
-    table = table.assign(se_s=0.0003, plate_se_s=0.0004)
+    table = table.assign(se_s=0.0003, plate_se_s=0.0004, common_s=0.002)
+    table.loc[6:, "common_s"] = 0.0031
     (told,) = beside_plates_told(table)
     scatter = told.values["scatter"].values
     assert scatter["scatter_ms"] == pytest.approx(2.0 * np.sqrt(8 / 10))
     assert scatter["stated_ms"] == pytest.approx(0.5)
     assert told.values["most_ms"] == pytest.approx(15.0)
+    each = "left +3.0 ms (common error 2 ms), right +13.0 ms (common error 3.1 ms)"
+    assert told.values["offsets"].values["each"] == each
+    assert each in str(told)
     (told,) = beside_plates_told(table.head(6))
     assert "too few" in str(told)
     assert beside_plates_told(table.assign(plate_s=np.nan)) == []
@@ -433,3 +437,13 @@ def test_the_methods_paragraph_says_what_the_probability_of_an_order_is():
     assert "force plate" not in text, "there is none"
     alone = contacts(walking(truth)).methods().text
     assert "sure order" not in alone
+
+
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [("kink", "maximum likelihood"), ("velocity_minimum", "velocity of its marker")],
+)
+def test_the_methods_paragraph_tells_of_the_method_that_was_asked_for(method, told):
+    text = contacts(walking(alternating()), method=method).methods().text
+    assert told in text
+    assert ("maximum likelihood" in text) == (method == "kink")

@@ -16,6 +16,13 @@ from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.report.methods import CITED, Methods, references
 
+# What is said of each method of hopdata.
+METHODS_SAID = {
+    "kink": "report.contacts_by_kink",
+    "velocity_minimum": "report.contacts_by_velocity",
+    "velocity_minimum_parabola": "report.contacts_by_parabola",
+}
+
 # Packages whose versions are stated.
 STATED = ("numpy", "numba")
 
@@ -26,6 +33,7 @@ def contact_methods(
     *,
     recordings: Sequence[Recording],
     messages: Sequence[Message],
+    method: str = "kink",
 ) -> Methods:
     """Return the methods paragraph of some contacts, with the references it cites.
 
@@ -39,10 +47,12 @@ def contact_methods(
         The recordings.
     messages : sequence of Message
         What was told of them.
+    method : str
+        The method that timed the contacts.
     """
     parts = [
         _of_recordings(recordings),
-        Message("report.contacts_by_kink"),
+        _by_method(method),
         *_of_contacts(table, len(orders)),
         *_of_orders(orders),
         *_of_messages(messages),
@@ -61,6 +71,13 @@ def _of_recordings(recordings: Sequence[Recording]) -> Message:
         "feet": ", ".join(_feet(recordings)),
     }
     return Message("report.contacts_recorded", values)
+
+
+def _by_method(method: str) -> Message:
+    """Say what a contact is by a method; one of another package is named only."""
+    if method in METHODS_SAID:
+        return Message(METHODS_SAID[method])
+    return Message("report.contacts_by_other", {"method": method})
 
 
 def _of_contacts(table: pd.DataFrame, n_landings: int) -> Iterator[Message]:

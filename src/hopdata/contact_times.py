@@ -98,12 +98,15 @@ class ContactTimes(Shown):
         with values; `remarks` are their texts.
     recordings : tuple of Recording
         The recordings, levelled: each foot rests at height 0.
+    method : str
+        The method that timed them (`hopdata.landings.contacts.timing.METHODS`).
     """
 
     table: pd.DataFrame
     orders: pd.DataFrame
     messages: Messages
     recordings: tuple[Recording, ...]
+    method: str = "kink"
 
     @property
     def found(self) -> pd.DataFrame:
@@ -171,6 +174,7 @@ class ContactTimes(Shown):
             self.orders,
             recordings=self.recordings,
             messages=self.messages,
+            method=self.method,
         )
 
     def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -419,6 +423,7 @@ def contacts(
         orders=order_table(orders),
         messages=Messages(remarks),
         recordings=tuple(levelled),
+        method=options.get("method") or "kink",
     )
 
 
@@ -495,8 +500,21 @@ def beside_plates_told(table: pd.DataFrame) -> list[Message]:
         "middle_ms": float(late_ms.median()),
         "most_ms": float(late_ms.abs().max()),
         "scatter": scatter,
+        "offsets": _offsets(table.loc[late_ms.index], late_ms),
     }
     return [Message("landings.contacts_beside_plates", values)]
+
+
+def _offsets(table: pd.DataFrame, late_ms: pd.Series) -> Message:
+    """Say how long after the plates the contacts of each foot are, beside its error."""
+    each = []
+    for foot, own in table.groupby("foot", sort=False):
+        late = f"{foot} {late_ms[own.index].mean():+.1f} ms"
+        common_s = float(own["common_s"].max())
+        if np.isfinite(common_s):
+            late += f" (common error {1e3 * common_s:.2g} ms)"
+        each.append(late)
+    return Message("landings.plate_offsets", {"each": ", ".join(each)})
 
 
 def _loading(number: int) -> str:
@@ -514,6 +532,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
         orders=_in_order(orders, names),
         messages=Messages(remark for part in parts for remark in part.messages),
         recordings=tuple(recordings[name] for name in names),
+        method=parts[0].method,
     )
 
 

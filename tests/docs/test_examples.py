@@ -6,6 +6,7 @@ import doctest
 import re
 import runpy
 from importlib import import_module
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,27 @@ def test_the_code_in_the_page_on_the_verdict_runs():
     )
     assert other.effect.low < scope["truth"](1.0) < other.effect.high
     assert scope["truth"](1.0) == pytest.approx(0.269, abs=5e-4)
+    assert other.effect.estimate == pytest.approx(repeated_size(scope), rel=0.02)
+
+
+def repeated_size(scope):
+    """Return the size of the example, by what the page says of inputs and outcomes."""
+    onto, smooth, bend = scope["onto"], scope["smooth"], scope["bend"]
+    late = [onto[:, last] - onto.mean(axis=1) for last in (0, 0, 1, 1, 2, 2)]
+    maps = np.array([smooth.T + np.outer(bend, slope) for slope in late])
+    x = scope["x"] - scope["x"].mean(axis=0)
+    arms = scope["markers"] - scope["markers"].mean(axis=0)
+
+    def mean_squares(jacobian):
+        outcomes = x @ jacobian.T
+        steps = np.pad(outcomes[:, :2], ((0, 0), (0, 1)))
+        moved = steps[:, None] + np.cross(outcomes[:, None, 2:5], arms)
+        speeds = outcomes[:, None, 5:8] + np.cross(outcomes[:, None, 8:], arms)
+        return np.array([np.sum(one**2, axis=2).mean() for one in (moved, speeds)])
+
+    pairs = [mean_squares(a - b) for a, b in combinations(maps, 2)]
+    ratios = np.mean(pairs, axis=0) / mean_squares(maps.mean(axis=0))
+    return np.sqrt(ratios.mean())
 
 
 def test_the_page_shows_the_example_as_it_is():

@@ -55,6 +55,14 @@ def test_own_maps_gain_where_maps_differ_and_nowhere_else():
         LandingMap(own_maps=True).fit(x, y)
 
 
+def test_an_order_that_was_not_fitted_has_no_map():
+    x, y, order = landings()
+    own = LandingMap(own_maps=True).fit(x, y, order=order)
+    own.predict(x[:2], order=order[:2])
+    with pytest.raises(HopdataError, match="orders that were fitted"):
+        own.predict(x[:2], order=["9>9", order[1]])
+
+
 def test_a_subspace_is_found_again_from_other_points():
     rng = np.random.default_rng(2)
     basis = np.linalg.qr(rng.normal(size=(9, 3)))[0]

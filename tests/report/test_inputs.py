@@ -134,7 +134,7 @@ def test_one_recording_alone_is_named_only_where_there_are_several():
 def test_the_caption_of_the_verdict_says_what_is_drawn():
     facts = study_facts(full_study())
     paragraphs = render_caption(captions()["verdict"], facts, name="verdict").paragraphs
-    assert "Frobenius norm" in paragraphs[0]
+    assert "rms over landings and markers" in paragraphs[0]
     assert "triangle" not in paragraphs[0]
     assert "(b) The 6 orders in which the feet touched" in paragraphs[1]
 

@@ -21,7 +21,9 @@ SENTENCE = Message(
     "maps.no_difference",
     {"compared": "6 orders", "bound": "12 %", "where": "", "confidence": "95 %"},
 )
-NOTE = Message("maps.gross_errors", {"count": 3, "landings": 9, "why": "3 odd"})
+NOTE = Message(
+    "maps.gross_errors", {"count": 3, "landings": 9, "judged": 6, "why": "3 odd"}
+)
 
 
 @pytest.fixture

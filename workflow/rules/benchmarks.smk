@@ -27,6 +27,7 @@ BENCHMARK_TABLES = {
     "check_forecast": ["check_forecast.csv"],
     "foot_strikes": ["foot_strikes.csv"],
     "jumps": ["jumps.csv"],
+    "springy_soles": ["springy_soles.csv"],
     "velocities": ["velocities.csv", "map_error.csv", "map_error_spread.csv"],
     "maps": ["maps.csv"],
     "verdict_power": [
@@ -78,6 +79,7 @@ BENCHMARK_ARGUMENTS = {
     "recording_faults": "--recordings 6 --floor-seeds 3 --filled-hops 300",
     "side_by_side": "--turns 3",
     "sliding": "--members 3",
+    "springy_soles": "--seeds 2",
     "stress": "--hops 20000 --systems 100",
     "study_cost": "--base 0.07",
     "velocities": "--draws 10",
@@ -99,6 +101,7 @@ UNTIMED = {
     "order",
     "recording_faults",
     "sliding",
+    "springy_soles",
     "velocities",
 }
 # Each figure, and the tables that it is drawn from: by `benchmark_figures.py`, or by the

@@ -7,6 +7,7 @@ from hopdata.landings.states.pairs import read_pairs
 from hopdata.maps.truth.maps import (
     estimate_errors,
     exact_map,
+    judged,
     true_effect,
     verdict_errors,
 )
@@ -30,9 +31,16 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
     maps = read_json(source.maps)
     shape = np.array(estimates["shape_m"]).reshape(-1, 3)
     time_unit_s = read_json(source.units)["time_unit_s"]
-    exact = exact_map(maps, true_pairs.x, shape=shape, time_unit_s=time_unit_s)
-    effect = true_effect(maps, true_pairs.x, pairs.instants)
+    # Sizes are shares of what the landings vary that estimate or verdict has used.
+    used = true_pairs.x[rows[rows >= 0]]
+    exact = exact_map(maps, used, shape=shape, time_unit_s=time_unit_s)
+    verdict = read_json(source.verdict)
+    effect = float("nan")
+    if verdict["effect"]:
+        weighed = judged(pairs.x, pairs.instants, verdict)
+        weighed = weighed[rows[weighed] >= 0]
+        effect = true_effect(maps, true_pairs.x[rows[weighed]], pairs.instants[weighed])
     write_table(output.errors, estimate_errors(exact, estimates))
     write_table(output.exact, exact.table())
-    write_table(output.verdict, verdict_errors(effect, read_json(source.verdict)))
+    write_table(output.verdict, verdict_errors(effect, verdict))
     write_table(output.states, state_errors(pairs, true_pairs, rows))

@@ -38,7 +38,8 @@ class LandingMap(MultiOutputMixin, RegressorMixin, BaseEstimator):
         has as well; otherwise the map is affine.
     own_maps : bool
         Whether each contact order with landings enough has an affine map of its own
-        beside the shared terms. `fit` and `predict` then need the orders.
+        beside the shared terms. The first of these, and orders with fewer landings,
+        keep the shared map. `fit`, `predict` and `score` then need the orders.
 
     Attributes
     ----------
@@ -82,6 +83,7 @@ class LandingMap(MultiOutputMixin, RegressorMixin, BaseEstimator):
         self.orders_: tuple[str, ...] = ()
         names = self._orders(order, len(inputs))
         if names is not None:
+            self._fitted_orders = frozenset(names.tolist())
             self.orders_ = orders_with_own_maps(names, inputs.shape[1] + 1)
         terms = self._terms(inputs, names)
         self.coef_ = np.linalg.lstsq(terms, outcomes, rcond=None)[0]
@@ -96,10 +98,18 @@ class LandingMap(MultiOutputMixin, RegressorMixin, BaseEstimator):
             Inputs.
         order : (n,) array of str, optional
             Contact order of each landing; needed with `own_maps`.
+
+        Raises
+        ------
+        ArgumentError
+            With `own_maps`, for an order that was not among those that were fitted.
         """
         check_is_fitted(self)
         inputs = validate_data(self, X, reset=False, dtype=float)
-        terms = self._terms(inputs, self._orders(order, len(inputs)))
+        names = self._orders(order, len(inputs))
+        if names is not None:
+            self._require_fitted(names)
+        terms = self._terms(inputs, names)
         return np.asarray(terms @ self.coef_)
 
     def score(
@@ -123,6 +133,15 @@ class LandingMap(MultiOutputMixin, RegressorMixin, BaseEstimator):
         if names.shape != (n,):
             raise ArgumentError.at("order", f"the order of each of {n} landings", names)
         return names
+
+    def _require_fitted(self, names: np.ndarray) -> None:
+        """Raise an error if nothing is known of an order."""
+        unknown = sorted({*names.tolist()} - self._fitted_orders)
+        if unknown:
+            wanted = (
+                f"orders that were fitted ({', '.join(sorted(self._fitted_orders))})"
+            )
+            raise ArgumentError.at("order", wanted, ", ".join(unknown))
 
     def _terms(self, inputs: FloatArray, orders: np.ndarray | None) -> FloatArray:
         states = standardised(inputs, self.mean_, self.scale_)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata import __version__
@@ -53,9 +54,18 @@ def group_methods(group: Mapping[str, Any]) -> Methods:
         confidence = group.get("confidence")
         if confidence is not None:
             values["confidence"] = f"{100 * confidence:g} %"
+            values["chance"] = f"{100 * (1 - confidence):.3g} %"
+            values["allowed"] = _rms(rows, "allowed")
+            values["left"] = _rms(rows, "left")
             said.append(Message("report.methods_group_interval", values))
     if group["conditions"]:
         said.append(Message("report.methods_group_conditions", values))
     said.append(Message("report.methods_group_record", values))
     text = " ".join(str(one) for one in said)
     return Methods(text, references(text, CITED, __version__))
+
+
+def _rms(rows: Sequence[Mapping[str, Any]], key: str) -> str:
+    """Return the rms of a size over the studies with an answer, as a share."""
+    squares = [row[key] ** 2 for row in rows if not row["reason"]]
+    return f"{math.sqrt(sum(squares) / len(squares)):.3f}"

@@ -38,6 +38,9 @@ OF_FORCES = ("forces", "plates")
 MOST_REASONS = 5
 # Key of the reference to hopdata itself, which the text names by its version.
 ITSELF = "hopdata"
+# What is compared if there are many feet.
+PAIRS_OF_FEET = "maps.pairs_of_feet"
+
 # How each is cited in the text, by its key among the references.
 CITED = {
     "burden2016": "Burden et al. 2016",
@@ -411,6 +414,11 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         said.append(Message("report.methods_jump", values))
     elif effect is not None:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
+        pair = "report.methods_two_orders"
+        what = verdict.get("messages", {}).get("compared") or {}
+        if what.get("code") == PAIRS_OF_FEET:
+            pair = "report.methods_two_feet"
+        values["pair"] = Message(pair)
         said.append(Message("report.methods_size", values))
     return said
 

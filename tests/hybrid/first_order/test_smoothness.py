@@ -73,6 +73,54 @@ def test_spread_is_relative_to_the_effect():
     assert spread([np.eye(2)]) == 0
 
 
+@field
+def coupled_pads(t, y, mode, params, dy):
+    """Pads of stiffness and damping, each stiffer by a share while the other touches."""
+    stiffness, damping, power, coupling = params[0], params[1], params[2], params[3]
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], 9.81, 9.81
+    factor = 1.0
+    if mode[0] > 0 and mode[1] > 0:
+        factor += coupling
+    for pad in range(2):
+        if mode[pad] > 0:
+            pressed = y[pad]
+            if power > 1.0:
+                pressed = max(y[pad], 0.0) ** power
+            dy[2 + pad] -= factor * (stiffness * pressed + damping * y[2 + pad])
+
+
+@guards
+def pads(t, y, dy, mode, params, h, hdot):
+    h[0], h[1] = y[0], y[1]
+    hdot[0], hdot[1] = dy[0], dy[1]
+
+
+PADS = System(coupled_pads, pads, n_states=4, guard_names=("left", "right"))
+
+
+@pytest.mark.parametrize("power", [1.0, 1.5])
+@pytest.mark.parametrize("off", [0.0, 1e-16, 2e-12])
+@pytest.mark.parametrize(
+    ("damping", "coupling", "verdict"),
+    [
+        (0.0, 0.3, "C1"),
+        (10.0, 0.0, "C1"),
+        (10.0, 0.3, "event-selected, not C1"),
+        (10.0, 1e-6, "event-selected, not C1"),
+    ],
+)
+def test_a_state_beside_the_surfaces_is_judged_as_on_them(
+    power, off, damping, coupling, verdict
+):
+    """There a force is not quite zero, and what couples it not quite nothing."""
+    params = (1e4, damping, power, coupling)
+    report = check_c1(PADS, [off, off, 1.0, 1.2], params=params, mode=[-1, -1])
+    assert report.verdict == verdict
+    if off > 1e-15:  # closer, it may be rounded to nothing
+        told = "does not count" in report.products.detail
+        assert told == (damping == 0)
+
+
 # Event-selection: liveness in all modes, continuity, one crossing each.
 
 FREE = [-1, -1, -1]

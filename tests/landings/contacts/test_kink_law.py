@@ -15,6 +15,7 @@ from hopdata.landings.contacts.kink_law import learned_laws, single_fits, weak_p
 from hopdata.landings.contacts.law import FootHeights, Law, Trials
 from hopdata.landings.contacts.learning import learn
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
+from hopdata.landings.contacts.softness import with_softness
 from hopdata.landings.contacts.timing import find_contacts
 from hopdata.landings.schedules import order_probability
 
@@ -301,6 +302,25 @@ def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
         known
     ]  # its touchdown is not defined
     assert np.sqrt(np.mean((scatter / se[known, 1]) ** 2)) < 1.25
+
+
+def test_residuals_that_all_landings_repeat_tell_the_softness_once():
+    """The common error grows, and no landing's own; without such residuals neither does."""
+    feet = falls(40, seed=5)
+    heights = FootHeights(feet.time, feet.heights, (0.05, 0.04))
+    trials = Trials.of([heights], [len(feet.contacts)])
+    laws = (Law(weak_priors(3, "known"), NOISE_M, pushes=False, creeps=True),)
+    fits = trials.fits(feet.contacts, laws)
+    noise_m = np.array([NOISE_M])
+    plain, common = with_softness(trials, fits, laws, alike=False)
+    _, of_noise = with_softness(trials, fits, laws, alike=False, of_frames_m=noise_m)
+    np.testing.assert_array_equal(of_noise, common)
+    wider, once = with_softness(
+        trials, fits, laws, alike=False, of_frames_m=noise_m / 5
+    )
+    assert (once > 1.5 * common).all()
+    np.testing.assert_array_equal(wider.unit_se, plain.unit_se)
+    np.testing.assert_array_equal(wider.instant, plain.instant)
 
 
 @pytest.mark.parametrize("landings", [2, 5, 10, 20] if "ALL" in os.environ else [2, 10])

@@ -12,6 +12,7 @@ from hopdata.maps.truth.maps import (
     estimate_errors,
     exact_map,
     input_root,
+    judged,
     largest_difference,
     marker_motions,
     marker_states,
@@ -203,6 +204,33 @@ def test_positions_and_velocities_count_alike_whatever_their_units():
     changed[1, 5:] *= 0.9
     found = true_effect(maps | {"maps": changed.tolist()}, landings(40)[0], INSTANTS)
     assert found == pytest.approx(0.2 / np.sqrt(2), rel=1e-9)
+
+
+def test_truth_is_weighed_with_the_landings_that_are_judged():
+    """Drops far off, in a direction in which the maps agree, would hide their difference."""
+    differ, agree = np.diag([1.0] + [0.0] * 7), np.diag([0.0] + [1.0] * 7)
+    maps = exact(0.0, 0.0, 0.0)
+    base = coefficients().T
+    changed = [base @ (agree + f * differ) for f in (0.5, 1.5, 1.0)]
+    maps = maps | {"maps": [one.tolist() for one in changed]}
+    rng = np.random.default_rng(6)
+    deviations = 1e-3 * rng.normal(size=(40, 8))
+    deviations[:3, 1:] *= 30  # from the operator's hand
+    coordinates = np.hstack([np.zeros((40, 3)), MIDDLE + deviations])
+    states = marker_states(coordinates, ARMS)
+    verdict = {"gross_errors": {"state_far_off": [1, 2], "outcome_far_off": [3]}}
+
+    kept = judged(states, INSTANTS, verdict)
+    np.testing.assert_array_equal(kept, np.arange(3, 40))
+    alone = true_effect(maps, states[3:], INSTANTS[3:])
+    assert true_effect(maps, states[kept], INSTANTS[kept]) == alone
+    assert true_effect(maps, states, INSTANTS) < 0.5 * alone
+    np.testing.assert_array_equal(
+        judged(states, INSTANTS, {"gross_errors": {}}), np.arange(40)
+    )
+    unknown = INSTANTS.copy()
+    unknown[5, 1] = np.nan
+    assert 5 not in judged(states, unknown, verdict)
 
 
 def test_legs_that_scatter_are_inputs_as_well():

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import chi2, sem, t, ttest_1samp
+from statsmodels.stats.meta_analysis import combine_effects
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.group import (
@@ -105,7 +106,7 @@ def test_subjects_of_equal_errors_are_compared_by_students_test():
     """Their scatter then is the error, and what exceeds their errors is between them."""
     squared = np.array([0.02, 0.05, 0.11, 0.08, 0.31])
     error = 0.04
-    found = combine(squared, np.full(5, error**2))
+    found = combine(squared, error**2)
     q = np.sum((squared - squared.mean()) ** 2) / error**2
     assert found.mean == pytest.approx(squared.mean())
     assert found.error == pytest.approx(sem(squared))
@@ -117,11 +118,32 @@ def test_subjects_of_equal_errors_are_compared_by_students_test():
 
 
 def test_subjects_that_scatter_less_than_their_errors_have_these_errors():
-    found = combine(np.array([0.10, 0.11, 0.09, 0.10]), np.full(4, 0.04**2))
+    found = combine(np.array([0.10, 0.11, 0.09, 0.10]), 0.04**2)
     assert found.error == pytest.approx(0.04 / 2.0)
     assert found.p_value == pytest.approx(2.0 * t.sf(5.0, 3))
     assert found.between == 0.0
     assert found.i2 == 0.0
+
+
+def test_q_above_its_degrees_of_freedom_means_variance_between_subjects():
+    """In many groups: an iteration may stop just beyond the root and then give none."""
+    rng = np.random.default_rng(1)
+    for squared in 0.01 * rng.standard_normal((300, 8)):
+        found = combine(squared, 8.8e-5)
+        assert (found.q > 7.0) == (found.between > 0.0) == (found.i2 > 0.0)
+        left = found.variance + found.between**2
+        q_left = np.sum((squared - found.mean) ** 2) / left
+        assert q_left == pytest.approx(min(found.q, 7.0))
+
+
+def test_a_group_agrees_with_another_program():
+    squared = np.array([0.02, 0.05, 0.11, 0.08, 0.31])
+    other = combine_effects(squared, np.full(5, 0.04**2), method_re="iterated")
+    found = combine(squared, 0.04**2)
+    assert found.mean == pytest.approx(other.mean_effect_re)
+    assert found.error == pytest.approx(other.sd_eff_w_re_hksj)
+    assert found.q == pytest.approx(other.q)
+    assert found.between**2 == pytest.approx(other.tau2)
 
 
 def test_heterogeneity_is_told_from_noise():
@@ -202,4 +224,4 @@ def test_too_few_subjects_are_refused():
     with pytest.raises(
         AnalysisError, match="expected 3 subjects with an answer or more, found 2"
     ):
-        combine(np.zeros(2), np.ones(2))
+        combine(np.zeros(2), 1.0)

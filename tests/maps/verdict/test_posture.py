@@ -38,7 +38,7 @@ def test_feet_before_the_landing_foretell_what_the_state_does_not(scattered):
     wanted = varies * _judged(steady).effect.estimate
     blind = _judged(data)
     seeing = _judged(data, feet)
-    assert blind.foretold < 0.6 < 0.99 < seeing.foretold
+    assert blind.contacts_r2 < 0.6 < 0.99 < seeing.contacts_r2
     assert seeing.conclusion == "different"
     assert seeing.effect.estimate == pytest.approx(wanted, rel=0.15)
     assert blind.conclusion == "cannot tell"
@@ -87,7 +87,7 @@ def test_noise_of_the_state_hides_no_difference():
         data, before=data.before + noise * rng.standard_normal(data.before.shape)
     )
     found = _judged(seen)
-    assert found.foretold < 0.99
+    assert found.contacts_r2 < 0.99
     assert found.effect.upper_bound > true
     assert found.effect.allowed > _judged(data).effect.allowed
 

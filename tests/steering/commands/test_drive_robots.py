@@ -115,6 +115,9 @@ def test_a_robot_without_its_own_name_is_found_in_a_module(monkeypatch):
     bare = DrivenRobot(axes=planar_hopper().axes)
     with pytest.raises(ConfigError, match="simulation"):
         bare.simulation()
+    unseen = DrivenRobot(axes=planar_hopper().axes, simulated=object)
+    with pytest.raises(ConfigError, match="found object without release and path"):
+        unseen.simulation()
 
 
 def test_a_robot_is_found_in_a_file_of_the_working_folder(monkeypatch, tmp_path):

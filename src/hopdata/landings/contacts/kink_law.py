@@ -302,7 +302,7 @@ def single_fits(
         replace(law, noise_m=one_m, creeps=True)
         for law, one_m in zip(stands, noise.tolist(), strict=True)
     )
-    softly, common = with_softness(trials, best, laws, alike=False)
+    softly, common = with_softness(trials, best, laws, alike=False, of_frames_m=noise_m)
     unit_se = np.where(softness_counts, softly.unit_se, best.unit_se)
     return replace(best, unit_se=unit_se), common
 

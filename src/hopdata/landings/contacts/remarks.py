@@ -1,4 +1,4 @@
-"""What users should know of how contacts were timed: feet that bounce, doubted frames.
+"""What users should know of how contacts were timed: soles, bounces, doubted frames.
 
 A remark tells of one foot in all recordings: in how many of its landings, and by how
 much at most. What it tells of is in the stated errors already.
@@ -19,24 +19,28 @@ from hopdata.landings.contacts.bounces import bounces
 from hopdata.landings.contacts.doubted import exchanged, filled
 from hopdata.landings.contacts.noise import height_noise
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
+from hopdata.landings.contacts.springs_back import springs_back
 from hopdata.landings.contacts.tables import are_by
 from hopdata.messages import Message
 from hopdata.recording import Recording
 
 BOUNCES = "landings.foot_bounces"
+SPRINGS_BACK = "landings.foot_springs_back"
 FILLED = "landings.foot_frames_filled"
 EXCHANGED = "landings.foot_exchanged"
 
-CODES = (BOUNCES, FILLED, EXCHANGED)
+CODES = (BOUNCES, SPRINGS_BACK, FILLED, EXCHANGED)
 
 # The remark on several feet, and what it says of each.
 OF_FEET = {
     BOUNCES: "landings.feet_bounce",
+    SPRINGS_BACK: "landings.feet_spring_back",
     FILLED: "landings.feet_frames_filled",
     EXCHANGED: "landings.feet_exchanged",
 }
 _OF_EACH = {
     BOUNCES: "{foot} ({often}, some {ms:.0f} ms)",
+    SPRINGS_BACK: "{foot} ({often}, by {mm:.1f} mm, {ms:.1f} ms)",
     FILLED: "{foot} ({often}, up to {ms:.0f} ms each)",
     EXCHANGED: "{foot} ({often}, up to {ms:.0f} ms each)",
 }
@@ -49,12 +53,13 @@ class Counted(NamedTuple):
     foot: str
     landings: int
     error_s: float
+    depth_m: float = 0.0
 
 
 def contact_remarks(
     recordings: Sequence[Recording], tables: Sequence[pd.DataFrame]
 ) -> list[Message]:
-    """Tell which feet bounce, and which have frames that no camera saw.
+    """Tell which feet bounce or sink, and which have frames that no camera saw.
 
     Parameters
     ----------
@@ -67,13 +72,14 @@ def contact_remarks(
     Returns
     -------
     list of Message
-        Values are the foot, the number of its landings, and in words, and the time in
-        ms.
+        Values are the foot, the number of its landings, and in words, the time in ms
+        and the depth to which it sinks in mm.
     """
     counts: list[Counted] = []
     for recording, table in zip(recordings, tables, strict=True):
         if are_by(table, "kink"):
             counts += _bouncing(recording, table)
+            counts += _springing(recording, table)
             counts += _doubted(recording, table)
     messages = []
     for code in CODES:
@@ -86,6 +92,7 @@ def contact_remarks(
                 "landings": n_landings,
                 "often": counted(n_landings, "landing"),
                 "ms": 1e3 * max(one.error_s for one in own),
+                "mm": 1e3 * max(one.depth_m for one in own),
             }
             messages.append(Message(code, values))
     return messages
@@ -136,11 +143,7 @@ def _bouncing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
     feet = recording.names("foot")
     parts = joined.parts_of_feet(recording)
     heights = recording.feet[:, :, 2] / recording.scale
-    instant = np.full((len(table), len(feet)), np.nan)
-    for i, foot in enumerate(feet):
-        landed = (table[f"status_{foot}"] == descents.LANDED).to_numpy()
-        own = table[f"contact_{foot}_s"].to_numpy(float)
-        instant[landed, i] = own[landed]
+    instant = _instants(recording, table)
     higher_m = bounces(
         recording.time / recording.time_scale,
         heights,
@@ -155,6 +158,40 @@ def _bouncing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
         timed = np.isfinite(instant[:, i])
         if common_s > float(np.median(table.loc[timed, f"se_{foot}_s"])):
             yield Counted(BOUNCES, foot, int(timed.sum()), common_s)
+
+
+def _springing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
+    """Find feet that sink and spring back, so that contacts may be early or late."""
+    heights = joined.tracks_of_feet(recording)[:, :, 2] / recording.scale
+    noise_m = height_noise(heights)
+    instants = _instants(recording, table)
+    feet = zip(recording.names("foot"), joined.parts_of_feet(recording), strict=True)
+    end = 0
+    for i, (foot, markers) in enumerate(feet):
+        own = heights[:, end : end + len(markers)]
+        end += len(markers)
+        # Those that come down later are still above their rest.
+        instant = np.repeat(instants[:, [i]], len(markers), axis=1)
+        time = recording.time / recording.time_scale
+        depth_m = springs_back(time, own, instant / recording.time_scale, noise_m)
+        timed = np.isfinite(instants[:, i])
+        if not depth_m.any():
+            continue
+        common_s = float(table[f"common_{foot}_s"].iloc[0])
+        if common_s > float(np.median(table.loc[timed, f"se_{foot}_s"])):
+            sunk_m = float(depth_m.max()) * recording.scale
+            yield Counted(SPRINGS_BACK, foot, int(timed.sum()), common_s, sunk_m)
+
+
+def _instants(recording: Recording, table: pd.DataFrame) -> FloatArray:
+    """Return the contacts of feet that landed, (L, n), s; NaN for others."""
+    feet = recording.names("foot")
+    instant = np.full((len(table), len(feet)), np.nan)
+    for i, foot in enumerate(feet):
+        landed = (table[f"status_{foot}"] == descents.LANDED).to_numpy()
+        own = table[f"contact_{foot}_s"].to_numpy(float)
+        instant[landed, i] = own[landed]
+    return instant
 
 
 def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:

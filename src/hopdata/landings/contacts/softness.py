@@ -21,6 +21,7 @@ from hopdata.landings.contacts.law import (
     taken,
 )
 from hopdata.landings.contacts.learning import FEW
+from hopdata.landings.contacts.springs_back import springs_back, springs_back_errors
 
 #: Landings, evenly spaced, whose likelihood decides on stance and softness.
 #: Unit: landings. Origin: chosen.
@@ -74,13 +75,21 @@ JUMP_S = 1e-3
 
 
 def with_softness(
-    trials: Trials, fits: KinkFits, laws: Laws, *, alike: bool
+    trials: Trials,
+    fits: KinkFits,
+    laws: Laws,
+    *,
+    alike: bool,
+    of_frames_m: FloatArray | None = None,
 ) -> tuple[KinkFits, FloatArray]:
     """Add the uncertainty of the compliance to the errors.
 
     If feet are `alike`, the likelihoods of all of them limit one compliance, in all
     recordings whose laws have the same one. Else each foot has its own, in each
     recording of enough landings.
+
+    What the laws leave beyond the noise of the heights by their frames, `of_frames_m`
+    (R,), m, is the same in all landings, so that more of them tell no more.
 
     If feet are alike and surely soft, their instants are those of the mean compliance.
 
@@ -99,15 +108,23 @@ def with_softness(
         same = own_s == one_s
         rows = trials.at(same)
         of_same = tuple(law for law in laws if law.compliance_s == one_s)
+        repeated = np.zeros(len(of_same))
+        if of_frames_m is not None:
+            repeated = _repeated(of_same, of_frames_m[same])
         found = _of_one_stance(
-            trials.only(same), taken(fits, rows), of_same, alike=alike
+            trials.only(same), taken(fits, rows), of_same, repeated, alike=alike
         )
         instant[rows], unit_se[rows], common[same] = found
     return replace(fits, instant=instant, unit_se=unit_se), common
 
 
+def _repeated(laws: Laws, of_frames_m: FloatArray) -> FloatArray:
+    """Return the share (R,) of the variance about the laws that is not noise."""
+    return np.maximum(1.0 - (of_frames_m / noises(laws)) ** 2, 0.0)
+
+
 def _of_one_stance(
-    trials: Trials, fits: KinkFits, laws: Laws, *, alike: bool
+    trials: Trials, fits: KinkFits, laws: Laws, repeated: FloatArray, *, alike: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return instants, their errors and common errors where the laws are as soft."""
     own_s = laws[0].compliance_s
@@ -119,18 +136,9 @@ def _of_one_stance(
     else:
         few = trials.landings < FEW
         gains[:, few] = gains.sum(axis=1, keepdims=True)
-    mean, sd = _posterior(trials_s, gains.reshape(len(trials_s), -1))
-    mean = mean.reshape(gains.shape[1:])
-    sd = sd.reshape(gains.shape[1:])
-
-    # How far instants move with the compliance: by the trial whose distance from the
-    # law's own is most like the distance that the posterior allows.
-    away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
-    allowed = np.hypot(mean - own_s, sd).max()
-    nearest = int(np.argmin(np.abs(away - allowed)))
-    moved = trials.fits(fits.instant, softer[nearest], widely=True).instant
-    moved -= fits.instant
-    moved /= float(trials_s[nearest]) - own_s
+    mean, sd = _posterior(trials_s, gains)
+    allowed_s = np.hypot(mean - own_s, sd).max()
+    moved = _moved(trials, fits, softer, own_s, allowed_s)
     shift = _usual(trials, moved, alike=alike)
     moved = np.where(np.isfinite(moved), moved, trials.at(shift))
 
@@ -150,7 +158,74 @@ def _of_one_stance(
         landings = np.isfinite(instant).any(axis=1).sum()
         error *= np.sqrt(1 + 1 / max(landings, 1))
     common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
-    return instant, error, common
+    if repeated.any():
+        # The errors of single landings are kept: they scatter by no more than stated.
+        told_once = gains / _landings_of_one(trials, fits, repeated)
+        mean, sd = _posterior(trials_s, told_once)
+        doubt = np.hypot(mean - own_s, sd)
+        moved = _moved(trials, fits, softer, own_s, doubt.max())
+        shift = _usual(trials, moved, alike=alike)
+        wider = np.hypot(shift * doubt, SHAPE_SHARE * mean)
+        common = np.maximum(common, wider)
+    yields_s = _of_soles_that_yield(trials, fits, instant, laws, better)
+    return instant, error, np.hypot(common, yields_s)
+
+
+def _of_soles_that_yield(
+    trials: Trials,
+    fits: KinkFits,
+    instant: FloatArray,
+    laws: Laws,
+    compliance_s: FloatArray,
+) -> FloatArray:
+    """Return the common error (R, n), s, of feet that sink and spring back.
+
+    `compliance_s` (R, n) is that of the instants (L, n), s.
+    """
+    errors = []
+    falls = trials.each(np.abs(fits.velocity))
+    parts = zip(trials.feet, trials.each(instant), laws, strict=True)
+    for number, (feet, own, law) in enumerate(parts):
+        depth_m = springs_back(feet.time, feet.heights, own, law.noise_m)
+        fall_m_s = np.array([_median_of_known(of_foot) for of_foot in falls[number].T])
+        fall_m_s = np.where(fall_m_s > 0, fall_m_s, np.inf)
+        errors.append(springs_back_errors(depth_m, fall_m_s, compliance_s[number]))
+    return np.array(errors)
+
+
+def _moved(
+    trials: Trials,
+    fits: KinkFits,
+    softer: list[Laws],
+    own_s: float,
+    allowed_s: float,
+) -> FloatArray:
+    """Return how far instants (L, n) move with the compliance, 1.
+
+    By the trial whose distance from the law's own compliance, s, is most like the
+    distance that the posterior allows.
+    """
+    trials_s = np.array([laws[0].compliance_s for laws in softer])
+    away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
+    nearest = int(np.argmin(np.abs(away - allowed_s)))
+    moved = trials.fits(fits.instant, softer[nearest], widely=True).instant
+    moved -= fits.instant
+    return np.asarray(moved / (float(trials_s[nearest]) - own_s))
+
+
+def _landings_of_one(
+    trials: Trials, fits: KinkFits, repeated: FloatArray
+) -> FloatArray:
+    """Return how many landings tell as much as one that repeats nothing, (R, n).
+
+    Of residuals of which a share is the same in all landings, the mean over n landings
+    has the variance of one times (1 + (n - 1) share) / n.
+    """
+    known = np.isfinite(fits.instant)
+    count = np.stack([own.sum(axis=0) for own in trials.each(known)])
+    count[trials.landings < FEW] = count.sum(axis=0)
+    count = np.clip(count, 1, STANCE_LANDINGS)
+    return np.asarray(1.0 + (count - 1) * repeated[:, None])
 
 
 def _usual(trials: Trials, values: FloatArray, *, alike: bool) -> FloatArray:
@@ -220,15 +295,16 @@ def _median_of_known(values: FloatArray) -> float:
 def _posterior(
     trials_s: FloatArray, gains: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean and sd (n,) of compliances, s.
+    """Return means and sds (...) of compliances, s.
 
-    The log likelihoods (K, n) of trials (K,) are interpolated by a cubic spline, whose
+    The log likelihoods (K, ...) of trials (K,) are interpolated by a cubic spline. Its
     third derivative jumps at the inner trials except the outermost (not-a-knot).
     Loading SciPy's spline would take a short study longer than judging all its
     contacts.
     """
     time_s = np.linspace(0, trials_s[-1], SOFTNESS_NODES)
-    coefficients = np.linalg.solve(_spline_basis(trials_s, trials_s), gains)
+    of_each = gains.reshape(len(trials_s), -1)
+    coefficients = np.linalg.solve(_spline_basis(trials_s, trials_s), of_each)
     gain = _spline_basis(trials_s, time_s) @ coefficients / OVERSURE**2
     prior = np.full(len(time_s), SOFTNESS_ODDS / len(time_s))
     prior[0] = 1.0
@@ -236,7 +312,8 @@ def _posterior(
     weights /= weights.sum(axis=0)
     mean = time_s @ weights
     variance = ((time_s[:, None] - mean) ** 2 * weights).sum(axis=0)
-    return mean, np.sqrt(variance)
+    sd = np.sqrt(variance)
+    return mean.reshape(gains.shape[1:]), sd.reshape(gains.shape[1:])
 
 
 def _spline_basis(trials_s: FloatArray, at_s: FloatArray) -> FloatArray:

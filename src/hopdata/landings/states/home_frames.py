@@ -67,8 +67,8 @@ def home_frames(
     The origin is the mean body position during the touchdown, and the x axis runs from
     it through the mean position of one marker, or of several. Means are time averages
     of the markers' tracks between the two instants. Tracks are linear between frames,
-    so the means do not depend on where the frames fall. Short gaps are bridged by a straight line; a
-    touchdown with a longer gap has no home frame (NaN).
+    so the means do not depend on where the frames fall. Short gaps are bridged by a
+    straight line; a touchdown with a longer gap has no home frame (NaN).
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, one_blas_thread, pd
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates
 from hopdata.maps.corrected.estimates import coefficient_table
 from hopdata.maps.verdict.comparison import contrasts, relative_size
@@ -146,8 +146,8 @@ def exact_map(
     exact
         Content of ``exact_maps.json``.
     states
-        (n, 6B) true marker states of the study's landings at the pre section, m and
-        m/s.
+        (n, 6B) true marker states at the pre section of the landings that the study
+        uses, m and m/s.
     shape
         (B, 3) estimated body markers in the attitude of the coordinates, m; if it has
         no rows, the true markers are used.
@@ -254,8 +254,8 @@ def true_effect(
     exact
         Content of ``exact_maps.json``.
     states
-        (n, 6B) true marker states of the study's landings at the pre section, m and
-        m/s.
+        (n, 6B) true marker states at the pre section, m and m/s, of the landings that
+        the verdict judges: a size is a share of what these vary.
     instants
         (m, feet) contact instants, s; NaN where not known. With more than three feet,
         the orders that have an exact map are weighted by how often they occur.
@@ -279,6 +279,24 @@ def true_effect(
         by_legs = np.array(exact["legs"]["maps"], float) @ root
         maps = np.concatenate([maps, by_legs], axis=2)
     return relative_size(marker_motions(points) @ maps, weights)
+
+
+def judged(x: FloatArray, instants: FloatArray, verdict: Mapping[str, Any]) -> IntArray:
+    """Return the numbers, from 0, of the landings whose sizes the verdict states.
+
+    Parameters
+    ----------
+    x
+        (n, 6B) states at the pre section, NaN where not known.
+    instants
+        (n, feet) contact instants, s; NaN where not known.
+    verdict
+        Content of ``verdict.json``; what it leaves out as far off counts from 1.
+    """
+    known = np.isfinite(np.hstack([x, instants])).all(axis=1)
+    for left_out in verdict["gross_errors"].values():
+        known[np.array(left_out, dtype=np.int64) - 1] = False
+    return np.flatnonzero(known)
 
 
 def marker_motions(points_m: FloatArray) -> FloatArray:

@@ -7,7 +7,9 @@ their mean, and S the covariance of the inputs,
     e^2 = mean over pairs of orders of  1/2 |D S^1/2|^2 / |J S^1/2|^2  of positions
                                       + 1/2 |D S^1/2|^2 / |J S^1/2|^2  of velocities,
 
-both as rms motions of the markers. It is a quadratic form of the kinks b, e^2 = b'Fb.
+both as rms motions of the markers, so |D S^1/2|^2 is the mean over the landings of how
+far (or how fast) D moves the markers, squared. e^2 is a quadratic form b'Fb of the
+kinks b.
 """
 
 from collections.abc import Sequence

@@ -5,8 +5,10 @@ to zero. The square of the size has an unbiased estimate that may be negative: T
 the contribution of noise. This estimate is averaged, and the root of the mean is the
 rms size over subjects. All subjects have equal weight: a study in which chance made the
 difference large also has a large error, so weights by error would make the mean too
-small. The between-subject variance is that of Paule and Mandel; errors are those of
-Hartung and Knapp, but not below those of the model (Röver, Knapp and Friede 2015).
+small. Nor has each its own error: the error of a square grows with the size that chance
+gave, so all have the mean one (`variance`). With equal variances the between-subject
+variance of Paule and Mandel is the scatter beyond them, and the error of Hartung and
+Knapp, not below that of the model (Röver, Knapp and Friede 2015), has a closed form.
 
 Residual smooth terms shift the kinks of every subject alike, so their effect does not
 average out. The ends of the interval therefore allow for as much as in a single study.
@@ -46,10 +48,13 @@ class Combined:
         Number of subjects.
     mean, error
         Mean of the squared size, and its standard error.
+    variance
+        Variance that noise gives the square of a subject; the same for all.
     between
         Standard deviation of the squared size between subjects.
     i2, q, q_p_value
-        Share of the scatter that is between subjects, Cochran's Q, and its p-value.
+        Share of the scatter that is between subjects, Cochran's Q (the sum of the
+        squared deviations over `variance`), and its p-value.
     p_value
         Two-sided p-value for a mean of zero.
     """
@@ -57,6 +62,7 @@ class Combined:
     n: int
     mean: float
     error: float
+    variance: float
     between: float
     i2: float
     q: float
@@ -92,8 +98,8 @@ class GroupVerdict:
     combined: Combined
 
 
-def combine(squared: FloatArray, variance: FloatArray) -> Combined:
-    """Return the random-effects mean of squared sizes (n,) with these variances.
+def combine(squared: FloatArray, variance: float) -> Combined:
+    """Return the random-effects mean of squared sizes (n,) that all have this variance.
 
     Raises
     ------
@@ -101,31 +107,31 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
         If there are fewer than `LEAST_SUBJECTS`.
     """
     from scipy.stats import chi2, t
-    from statsmodels.stats.meta_analysis import combine_effects
 
     number = len(squared)
     if number < LEAST_SUBJECTS:
         raise AnalysisError.at(
             "group", f"{LEAST_SUBJECTS} subjects with an answer or more", number
         )
-    found = combine_effects(
-        squared, variance, method_re="iterated", atol=1e-12, maxiter=200
-    )
-    mean = float(found.mean_effect_re)
-    error = float(max(found.sd_eff_w_re, found.sd_eff_w_re_hksj))
-    q = float(found.q)
+    others = number - 1
+    mean = float(np.mean(squared))
+    scatter = float(np.var(squared, ddof=1))
+    q = others * scatter / variance
+    beyond = max(0.0, scatter - variance)
+    error = float(np.sqrt(max(scatter, variance) / number))
     i2 = 0.0
-    if q > 0.0:
-        i2 = max(0.0, 1.0 - (number - 1) / q)
+    if beyond > 0.0:
+        i2 = beyond / scatter
     return Combined(
         n=number,
         mean=mean,
         error=error,
-        between=float(np.sqrt(max(0.0, found.tau2))),
+        variance=variance,
+        between=float(np.sqrt(beyond)),
         i2=i2,
         q=q,
-        q_p_value=float(chi2.sf(q, number - 1)),
-        p_value=float(2.0 * t.sf(abs(mean / error), number - 1)),
+        q_p_value=float(chi2.sf(q, others)),
+        p_value=float(2.0 * t.sf(abs(mean / error), others)),
     )
 
 
@@ -161,7 +167,7 @@ def judge_group(
     subjects = members.groupby("subject", sort=False)
     of_mean = variance(members) * float((1.0 / subjects.size()).mean())
     squared = subjects["squared"].mean().to_numpy(float)
-    found = combine(squared, np.full(len(squared), of_mean))
+    found = combine(squared, of_mean)
 
     tails = [(1.0 - confidence) / 2.0, 1.0 - confidence]
     two_sided, one_sided = found.error * t.isf(tails, found.n - 1)
@@ -230,7 +236,7 @@ def compare_conditions(
             continue
         differences = (both["squared"] - both["squared_b"]).to_numpy(float)
         of_difference = variance(conditions[a]) + variance(conditions[b])
-        found = combine(differences, np.full(len(both), of_difference))
+        found = combine(differences, of_difference)
         size_a = np.sqrt(max(0.0, both["squared"].mean()))
         size_b = np.sqrt(max(0.0, both["squared_b"].mean()))
 

@@ -46,6 +46,7 @@ from hopdata.maps.verdict.words import (
     outlook,
     percent,
     sentence,
+    with_no_jump,
     with_reservation,
     without_upper_end,
 )
@@ -370,6 +371,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         measured,
         options,
         spreads,
+        jump,
     )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
@@ -519,6 +521,7 @@ def _answer(
     measured: Measured,
     options: Options,
     spreads: float | None,
+    jump: EffectSize | None,
 ) -> _Answer:
     """Return what the size of the difference says.
 
@@ -542,6 +545,8 @@ def _answer(
         spreads=spreads,
         over_landings=True,
     )
+    if conclusion == NO_DIFFERENCE and jump is not None:
+        said = with_no_jump(said, jump.upper_bound)
     if contact.saturates:
         said = without_upper_end(said, conclusion, effect.low)
     return _Answer(

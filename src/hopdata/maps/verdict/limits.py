@@ -75,6 +75,7 @@ def gross_errors(sound: rows.Sound) -> Notes:
             "gross_errors",
             count=count,
             landings=count + len(sound.landings.kept),
+            judged=len(sound.landings.kept),
             why=", ".join(why),
             rows=sound.left_out,
         )

@@ -67,6 +67,7 @@ def sentence(
     values: dict[str, Any] = {
         "compared": compared,
         "where": "",
+        "jumps": "",
         "size": percent(estimate),
         "low": percent(low),
         "high": percent(high),
@@ -104,6 +105,12 @@ def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
         return Message("maps.cannot_tell_at_contact", said.values)
     at_contact = Message("maps.no_upper_end", {"low": percent(low)})
     return with_reservation(said, at_contact)
+
+
+def with_no_jump(said: Message, bound: float) -> Message:
+    """Return the sentence on no difference, with the jump that is not excluded."""
+    jumps = Message("maps.and_no_jump", {"bound": percent(bound)})
+    return Message(said.code, {**said.values, "jumps": jumps})
 
 
 def with_reservation(sentence: Message, reservation: Message) -> Message:

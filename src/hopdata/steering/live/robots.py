@@ -96,12 +96,18 @@ class DrivenRobot:
         Raises
         ------
         ConfigError
-            If it has none.
+            If it has none, or one that does not tell its path.
         """
         if self.simulated is None:
             wanted = "a robot with a simulation, or --host"
             raise ConfigError.at("--robot", wanted, "one without")
-        return self.simulated()
+        made = self.simulated()
+        missing = [name for name in ("release", "path") if not hasattr(made, name)]
+        if missing:
+            wanted = "a simulation with release and path, as cameras need (PathRobot)"
+            found = f"{type(made).__name__} without {' and '.join(missing)}"
+            raise ConfigError.at("--robot", wanted, found)
+        return made
 
 
 def driven_robot(name: str, *, by_user: bool = True) -> DrivenRobot:

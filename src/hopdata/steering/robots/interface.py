@@ -114,7 +114,9 @@ class PathRobot(ABC):
         """Make one stride with inputs (U,).
 
         Return the next stance, and the robot's own states (K, N) at the times after the
-        first stance, up to the next.
+        first stance, up to the next. Cameras see twelve states or more as a body: its
+        place (x, y, z), m, and attitude (yaw, pitch, roll), rad, come first. Of fewer,
+        the first two are x and the height of a body that keeps its heading.
         """
 
     def stride(
