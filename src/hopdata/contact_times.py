@@ -171,7 +171,7 @@ class ContactTimes(Shown):
 
         return contact_methods(
             self.table,
-            len(self.orders),
+            self.orders,
             recordings=self.recordings,
             messages=self.messages,
             method=self.method,

@@ -8,6 +8,7 @@ from hopdata.maps.verdict.inputs import contact_spread
 from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.messages import Message
 from hopdata.report.page import build_report
+from hopdata.report.tables import truth_table
 from hopdata.report.verdict import (
     SATURATES_BELOW,
     answer,
@@ -125,6 +126,17 @@ def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings()
     facts = verdict_facts(verdict(**reach | found | jump))
     assert facts["over_landings"] is None
     assert facts["holds_from"] is None
+
+
+def test_a_true_difference_that_the_file_states_stands_beside_the_answer():
+    stated = {"value": 3.2e-16, "unit": "1", "what": "True difference"}
+    truth = {"recorded_true_effect": stated}
+    inputs = full_study(truth=truth)
+    text = Page(build_report(inputs)).text.replace("\u00a0", " ")
+    assert "true in this simulation: 0 %" in text
+    assert "The triangle is" not in text, "none is drawn"
+    (row,) = truth_table(truth).rows
+    assert row == ("True difference", "0", "%")
 
 
 def test_two_feet_touch_twice_their_spread_apart():
@@ -269,7 +281,11 @@ def test_a_bound_below_what_is_allowed_for_is_explained():
 
 
 def test_what_the_answer_leaves_open_stands_apart_in_ms():
-    values = {"compared": "6 contact orders", "where": " over these landings"}
+    values = {
+        "compared": "6 contact orders",
+        "where": " over these landings",
+        "jumps": "",
+    }
     values |= {"bound": "13 %", "confidence": "95 %", "margin": "20 %"}
     message = {"code": "maps.no_difference_at_contact", "values": values}
     values |= {"spreads": "0.73", "jumps": ""}
@@ -280,6 +296,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     head = Page(build_report(full_study(verdict=known))).text.partition("At a glance")
     words = str(reservation).replace("\u00a0", " ")
     assert "spent once contacts are some 8.1 ms apart" in words
+    assert words.endswith("Over landings such as these, the answer holds all the same.")
     assert words in head[0].replace("\u00a0", " ")
     assert "contact spreads" not in head[0]
     assert answer(verdict()) == [verdict()["sentence"]]
