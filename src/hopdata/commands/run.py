@@ -228,7 +228,12 @@ def _run_again(options: argparse.Namespace) -> int:
         return PROBLEM
     old = place.parent
     new = copy.parent
-    if read_json(new / place.name)["inputs"] != record["inputs"]:
+    # Simulated recordings lie in the folder of their study.
+    simulated = {}
+    for name, digest in record["inputs"].items():
+        renamed = name.replace(f"/{config['study']}/simulated/", f"/{again}/simulated/")
+        simulated[renamed] = digest
+    if read_json(new / place.name)["inputs"] != simulated:
         raise ConfigError.at(place, "the recordings that it names", "other content")
     tables = [f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv"))]
     names = ["verdict.json", *tables]
