@@ -174,7 +174,6 @@ def test_markers_and_spans_of_a_recording():
     for wrong, told in (
         (lambda: made["tow"], "did you mean 'toe'"),
         (lambda: made[3], "the name of a marker"),
-        (lambda: list(made), "the name of a marker"),
         (lambda: made[["toe", "toe"]], "each name once"),
         (lambda: made.between(0.3, 2.0), "two frames or more; .* at 0 to 2.3"),
         (lambda: made.between("a"), "begin_s: expected a time in s"),

@@ -46,7 +46,7 @@ def test_progress_is_plain_lines_where_no_one_looks(folder, capfd):
     lines = capfd.readouterr().err.splitlines()
     begin = r"trial: a [\d.]+ s; 1 of 2 jobs done, "
     assert lines[0].startswith("trial: 0 of 2 jobs done, a first run compiles code")
-    assert re.fullmatch(begin + r"about [\d.]+ s left", lines[1])
+    assert re.fullmatch(begin + r"after [\d.]+ s", lines[1])
     assert re.fullmatch(r"trial: 2 of 2 jobs done, after [\d.]+ s", lines[2])
     assert len(lines) == 3
     log = Path("results/trial/logs/run.log").read_text()

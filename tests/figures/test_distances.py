@@ -44,7 +44,7 @@ def test_each_study_stands_under_its_verdict():
         names=("C1 hopper", "control, not C1"),
     )
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
-    assert "no difference above 13\u00a0%" in titles[0]
+    assert "No difference above 13\u00a0%" in titles[0]
     assert "Different maps: by 35\u00a0%" in titles[1]
     assert text_faults(figure) == []
 

@@ -67,7 +67,6 @@ def sentence(
     values: dict[str, Any] = {
         "compared": compared,
         "where": "",
-        "jumps": "",
         "size": percent(estimate),
         "low": percent(low),
         "high": percent(high),
@@ -109,8 +108,8 @@ def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
 
 def with_no_jump(said: Message, bound: float) -> Message:
     """Return the sentence on no difference, with the jump that is not excluded."""
-    jumps = Message("maps.and_no_jump", {"bound": percent(bound)})
-    return Message(said.code, {**said.values, "jumps": jumps})
+    where = Message("maps.over_landings_no_jump", {"jump": percent(bound)})
+    return Message(said.code, {**said.values, "where": where})
 
 
 def with_reservation(sentence: Message, reservation: Message) -> Message:
