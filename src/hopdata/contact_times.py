@@ -423,7 +423,7 @@ def contacts(
         orders=order_table(orders),
         messages=Messages(remarks),
         recordings=tuple(levelled),
-        method=options.get("method") or "kink",
+        method=options.get("method", "kink"),
     )
 
 

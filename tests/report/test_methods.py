@@ -34,6 +34,15 @@ def test_it_says_the_numbers_of_the_study_but_no_result():
     assert "{" not in text
 
 
+def test_it_says_which_jacobians_are_compared():
+    many = verdict(messages={"compared": {"code": "maps.pairs_of_feet", "values": {}}})
+    shown = {}
+    for name, known in (("few", verdict()), ("many", many)):
+        shown[name] = of(full_study(verdict=known)).text
+    assert "Jacobians of two orders where all feet touch at once" in shown["few"]
+    assert "in which one of two feet is before the other" in shown["many"]
+
+
 def test_what_it_cites_are_the_references_and_no_others():
     found = of(full_study())
     keys = re.findall(r"@\w+\{(\w+),", found.bibtex)

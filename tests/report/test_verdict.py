@@ -281,7 +281,11 @@ def test_a_bound_below_what_is_allowed_for_is_explained():
 
 
 def test_what_the_answer_leaves_open_stands_apart_in_ms():
-    values = {"compared": "6 contact orders", "where": " over these landings"}
+    values = {
+        "compared": "6 contact orders",
+        "where": " over these landings",
+        "jumps": "",
+    }
     values |= {"bound": "13 %", "confidence": "95 %", "margin": "20 %"}
     message = {"code": "maps.no_difference_at_contact", "values": values}
     values["spreads"] = "0.73"
@@ -292,6 +296,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     head = Page(build_report(full_study(verdict=known))).text.partition("At a glance")
     words = str(reservation).replace("\u00a0", " ")
     assert "spent once contacts are some 8.1 ms apart" in words
+    assert words.endswith("Over landings such as these, the answer holds all the same.")
     assert words in head[0].replace("\u00a0", " ")
     assert "contact spreads" not in head[0]
     assert answer(verdict()) == [verdict()["sentence"]]

@@ -192,3 +192,14 @@ def test_other_numbers_of_legs_and_body_markers():
 def test_a_wrong_key_or_value_is_refused_by_name(simulation, camera, message):
     with pytest.raises(HopdataError, match=message):
         simulate_recording(simulation, camera, seed=1)
+
+
+def test_falls_are_counted_in_a_remark(simulated):
+    assert simulated[0].remarks == ()
+    kicks = {"angular_velocity_rad_s": 4.0}
+    recording, truth = simulate_recording({"hops": 12, "kicks": kicks}, seed=5)
+    (remark,) = recording.remarks
+    fell = int(remark.split(" fell in ")[1].split(" of 12 hops")[0])
+    # A carry lasts longer than any hop of this gait.
+    carried = int((np.diff(truth.apex_times) > 1.5).sum())
+    assert 0 < carried <= fell <= 12

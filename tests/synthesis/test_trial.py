@@ -8,15 +8,17 @@ import pytest
 
 from hopdata.errors import ArgumentError
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.hops import level_state
+from hopdata.synthesis.hops import level_state, rest_foot
 from hopdata.synthesis.simulate import first_contacts
 from hopdata.synthesis.trial import (
+    LIFT_S,
     Kicks,
     MarkerOptions,
     Operator,
     carried,
     from_mapping,
     kicked,
+    off_the_floor,
     run_trial,
 )
 
@@ -120,6 +122,28 @@ def test_carried_motion_is_smooth_from_the_catch_to_the_release():
     np.testing.assert_allclose(states[-1, :9], release[:9], atol=1e-15)
     speed = np.gradient(states[:, :3], times, axis=0)
     np.testing.assert_allclose(speed[1:-1], states[1:-1, 6:9], atol=1e-6)
+
+
+def test_a_fallen_body_is_lifted_until_its_legs_fit_under_it():
+    fallen, release = level_state(HOPPER, -0.15), level_state(HOPPER, 0.24)
+    fallen[4:9] = [0.5, -0.3, 0.1, 0.0, -1.0]
+    times = np.linspace(0, 1.5, 15001)
+    states = carried(fallen, release, 1.5, times)
+    lifted = off_the_floor(HOPPER, states, times)
+
+    def lowest(some):
+        feet = [rest_foot(HOPPER, some, leg)[:, 2] for leg in range(HOPPER.n_legs)]
+        return np.min(feet, axis=0)
+
+    late = times > LIFT_S
+    assert lowest(states)[late].min() < -0.1
+    assert lowest(lifted)[late].min() > -1e-12
+    np.testing.assert_allclose(lifted[0, :6], fallen[:6], atol=1e-12)
+    np.testing.assert_allclose(lifted[0, 6:9], fallen[6:9], atol=1e-4)  # differences
+    np.testing.assert_array_equal(lifted[-1], states[-1])
+
+    high = carried(level_state(HOPPER, 0.3), release, 1.5, times)
+    assert off_the_floor(HOPPER, high, times) is high
 
 
 def test_kicks_have_the_sizes_asked_for_and_leave_the_pose():

@@ -12,6 +12,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import require, require_choice
+from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.scenes import STANDARD, blamed_scene, scene_class
 from hopdata.scenes.scene import Control, Scene
@@ -194,6 +195,7 @@ def _simulated(
     )
     floor = cameras.draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
+    recording = replace(recording, remarks=falls(trial))
     times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
     longer_m = None
@@ -219,6 +221,16 @@ def _simulated(
         longer_m=longer_m,
     )
     return recording, truth
+
+
+def falls(trial: trials.Trial) -> tuple[str, ...]:
+    """Return a remark on how often the body fell and was carried, if it fell."""
+    n_falls = sum(hop.fell for hop in trial.hops)
+    if n_falls == 0:
+        return ()
+    hops = len(trial.hops)
+    values = {"falls": n_falls, "hops": hops, "carries": trial.n_carries}
+    return (str(Message("recordings.fell", values)),)
 
 
 def observed(

@@ -14,7 +14,15 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import told_call
 from hopdata.scenes.body import N_STATES
 from hopdata.scenes.scene import Control, Scene
-from hopdata.synthesis.hops import Hop, control_hop, fly_hop, level_state, pose_rate
+from hopdata.synthesis.hops import (
+    Hop,
+    control_hop,
+    fly_hop,
+    level_state,
+    pose_rate,
+    rest_foot,
+    smooth_step,
+)
 
 # Options of a synthetic recording, as in the configuration.
 
@@ -245,6 +253,7 @@ class Tape:
         lifted = np.tile(hop.end_state, (len(legs), 1))
         self.events.append((when, legs, down, lifted))
         states = carried(hop.end_state, release, carry_s, frames)
+        states = off_the_floor(scene, states, frames)
         self.add_frames(states, scene.still().boom_places(frames))
         self.clock += carry_s
         self.n_carries += 1
@@ -300,6 +309,29 @@ def carried(
     states[:, :6] = moved(times)
     states[:, 6:9] = moved(times, 1)[:, :3]
     return states
+
+
+#: Time in which the operator lifts a fallen body so far that its legs fit under it.
+#: Unit: s. Origin: chosen: that in which the legs retract.
+LIFT_S = 0.15
+
+
+def off_the_floor(scene: Scene, states: FloatArray, times_s: FloatArray) -> FloatArray:
+    """Return the states (K, 12) of a carry, lifted where feet would be in the floor.
+
+    A leg of a fallen body is pressed in, and needs more room as soon as it is released.
+    """
+    legs = range(scene.n_legs)
+    heights = np.array([rest_foot(scene, states, leg)[:, 2] for leg in legs])
+    below = np.maximum(-heights.min(axis=0, initial=math.inf), 0.0)
+    if not below.any():
+        return states
+    lift = below * smooth_step(times_s / LIFT_S)
+    lifted = states.copy()
+    lifted[:, 2] += lift
+    if len(lift) > 1:
+        lifted[:, 8] += np.gradient(lift, times_s)
+    return lifted
 
 
 def run_trial(  # noqa: PLR0913 (the trial's options)
