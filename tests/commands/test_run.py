@@ -206,6 +206,38 @@ def test_a_sound_provenance_is_repeated_within_the_results(folder, monkeypatch):
     assert ran[0][0].exists()
 
 
+@pytest.mark.parametrize("digest", ["12", "34"])
+def test_a_simulated_study_is_repeated_by_what_its_recordings_hold(
+    folder, monkeypatch, capsys, digest
+):
+    """They lie in the folder of their study, which has another name the second time."""
+    config = {"study": "trial", "recordings": [{"name": "a", "simulation": {}}]}
+    body, feet = ["body1", "body2", "body3"], ["foot1", "foot2", "foot3"]
+    config |= {"markers": {"body": body, "feet": feet}}
+    old, new = Path("results/trial"), Path("results/trial_again")
+    old.mkdir(parents=True, exist_ok=True)
+    record = RECORD | {"config": config}
+    record |= {"inputs": {"results/trial/simulated/a.h5": "12"}}
+    (old / "provenance.json").write_text(json.dumps(record))
+    (old / "verdict.json").write_text("{}")
+
+    def run(*_, **__):
+        inputs = {"results/trial_again/simulated/a.h5": digest}
+        (new / "provenance.json").write_text(json.dumps({"inputs": inputs}))
+        (new / "verdict.json").write_text("{}")
+        return 0
+
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", run)
+    code = main(["run", "--from", "results/trial/provenance.json"])
+    told = capsys.readouterr()
+    if digest == "12":
+        assert code == 0
+        assert "1 of 1 files are the same bytes" in told.out
+    else:
+        assert code == 1
+        assert "found other content" in told.err
+
+
 def test_a_provenance_nested_without_end_is_refused_in_one_line(folder, capsys):
     Path("p.json").write_text("[" * 100_000)
     assert main(["run", "--from", "p.json"]) == 1

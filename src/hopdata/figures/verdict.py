@@ -78,7 +78,7 @@ def verdict_figure(
     if truth is None or truth.empty:
         _draw_row(figure, verdict, touchdowns, _top(verdict))
         return figure
-    true = float(truth["true_effect"].iloc[0])
+    true = round(float(truth["true_effect"].iloc[0]), 9)  # beyond, it is rounding
     top = max(_top(verdict), ROOM * 100.0 * true)
     left = _draw_row(figure, verdict, touchdowns, top)
     left.plot(

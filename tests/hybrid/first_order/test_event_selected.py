@@ -130,7 +130,7 @@ def test_where_a_field_has_a_kink_is_told():
         (extended,) = [
             f for f in report(**crossed).selection if f.condition == EXTENDED
         ]
-        assert extended.detail.endswith("; first and worst: dy[0] with none crossed")
+        assert "; first and worst: dy[0] with none crossed; a max" in extended.detail
     (extended,) = [f for f in report(CUSP=1.0).selection if f.condition == EXTENDED]
     assert "worst" not in extended.detail
 

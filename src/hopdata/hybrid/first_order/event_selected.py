@@ -29,6 +29,10 @@ from hopdata.hybrid.system import System
 RATES = "guards report their rates"
 EVENT_FUNCTIONS = "guards are event functions (definition 1.2.1)"
 EXTENDED = "fields of all modes extend C1 (definition 1.2.2)"
+CLAMPED = (
+    "a max, min or abs of the state in the field does this, and is needless where the "
+    "lock says that the foot is down"
+)
 CONTINUOUS = "trajectories are continuous"
 SURFACES = "guards are smooth surfaces"
 ONCE = "each contact is made or broken once"
@@ -89,7 +93,7 @@ def definitions(
         "that at 8 times the step"
     )
     if not gaps.fine <= needed:
-        detail += f"; {_rough_modes(system, gaps, needed)}"
+        detail += f"; {_rough_modes(system, gaps, needed)}; {CLAMPED}"
     return (
         Finding.at_most(RATES, off, tolerance, "difference of hdot and Dh f + dh/dt"),
         _event_functions(system, start, views, active, scale, radius, seed),
