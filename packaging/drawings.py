@@ -36,6 +36,7 @@ SHOWN = (
     "sentence",
     "decided_by",
     "effect",
+    "holds_from",
     "confidence",
     "margin",
     "power",

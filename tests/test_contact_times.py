@@ -434,3 +434,16 @@ def test_the_methods_paragraph_tells_of_the_method_that_was_asked_for(method, to
     text = contacts(walking(alternating()), method=method).methods().text
     assert told in text
     assert ("maximum likelihood" in text) == (method == "kink")
+
+
+def test_the_methods_paragraph_says_what_the_probability_of_an_order_is():
+    truth = alternating()
+    together = {"left": truth["left"], "right": [one + 0.04 for one in truth["left"]]}
+    found = contacts(walking(together, bob_m=0.02))
+    n_sure = int(found.orders["sure"].sum())
+    text = found.methods().text
+    assert "independent normal errors with the standard errors" in text
+    assert f"{n_sure} have a sure order" in text
+    assert "force plate" not in text, "there is none"
+    alone = contacts(walking(truth)).methods().text
+    assert "sure order" not in alone

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
+from math import floor
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +29,7 @@ STATED = ("numpy", "numba")
 
 def contact_methods(
     table: pd.DataFrame,
-    n_landings: int,
+    orders: pd.DataFrame,
     *,
     recordings: Sequence[Recording],
     messages: Sequence[Message],
@@ -39,8 +41,8 @@ def contact_methods(
     ----------
     table : DataFrame
         A row for each contact, as `hopdata.contact_times.ContactTimes.table`.
-    n_landings : int
-        How many landings there are.
+    orders : DataFrame
+        A row for each landing, as `hopdata.contact_times.ContactTimes.orders`.
     recordings : sequence of Recording
         The recordings.
     messages : sequence of Message
@@ -51,7 +53,8 @@ def contact_methods(
     parts = [
         _of_recordings(recordings),
         _by_method(method),
-        *_of_contacts(table, n_landings),
+        *_of_contacts(table, len(orders)),
+        *_of_orders(orders),
         *_of_messages(messages),
         _of_software(),
     ]
@@ -103,6 +106,25 @@ def _of_contacts(table: pd.DataFrame, n_landings: int) -> Iterator[Message]:
     if large:
         values = {"contacts": counted(large, "contact")}
         yield Message("report.contacts_remarked", values)
+
+
+def _of_orders(orders: pd.DataFrame) -> Iterator[Message]:
+    """Say what the probability of an order is, and how many orders are sure."""
+    ordered = orders[orders["probability"].notna()]
+    if ordered.empty:
+        return
+    sure = ordered[ordered["sure"].astype(bool)]
+    values: dict[str, Any] = {
+        "ordered": counted(len(ordered), "landing"),
+        "sure": len(sure),
+        "least": "",
+    }
+    if len(sure):
+        # Rounded down, so that it holds of all of them.
+        least = {"probability": f"{floor(100 * sure['probability'].min()) / 100:.2f}"}
+        values["least"] = Message("report.contacts_least_sure", least)
+    yield Message("report.methods_order_probability")
+    yield Message("report.contacts_orders", values)
 
 
 def _of_messages(messages: Sequence[Message]) -> Iterator[Message]:

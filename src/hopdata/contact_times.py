@@ -171,7 +171,7 @@ class ContactTimes(Shown):
 
         return contact_methods(
             self.table,
-            len(self.orders),
+            self.orders,
             recordings=self.recordings,
             messages=self.messages,
             method=self.method,
@@ -423,7 +423,7 @@ def contacts(
         orders=order_table(orders),
         messages=Messages(remarks),
         recordings=tuple(levelled),
-        method=options.get("method") or "kink",
+        method=options.get("method", "kink"),
     )
 
 

@@ -111,6 +111,12 @@ def test_init_says_which_are_compared(folder):
     assert "the report compares its contacts, no key is needed" in text
     assert "Events of the file (Left Foot Strike, STRT): the report compares" in text
     load_config("jump.yaml")
+    # Of several recordings it says whose plate it is.
+    write(folder / "hop.c3d", events=())
+    main(["init", "jump.c3d", "hop.c3d", "--out", "both.yaml"])
+    text = plain((folder / "both.yaml").read_text().replace("#", ""))
+    assert "Force plate 1 of jump.c3d (0.40 x 0.60 m" in text
+    assert "Events of jump.c3d (Left Foot Strike" in text
 
 
 def test_init_proposes_events_whose_feet_are_not_known(folder):

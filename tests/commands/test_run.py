@@ -17,7 +17,7 @@ from checkouts import part_of_sample
 from hopdata import __version__
 from hopdata.__main__ import main
 from hopdata.bundled import SNAKEFILE
-from hopdata.commands.run import _Run, _tell_early
+from hopdata.commands.run import _Run, _tell_early, read_inputs
 from hopdata.commands.workflow import run_workflow
 
 ROOT = Path(__file__).parents[2]
@@ -535,3 +535,10 @@ def test_a_study_runs_without_home_and_locks_in_an_odd_folder_in_the_c_locale(tm
     assert not mark.exists(), mark.read_text()
     assert result.returncode == 0, result.stderr
     assert json.loads((folder / target).read_text())["pre_height_m"] > 0
+
+
+def test_a_simulated_recording_is_the_same_in_the_folder_of_another_study():
+    first = read_inputs({"results/trial/simulated/a.h5": "1", "b.c3d": "2"}, "trial")
+    again = {"results/trial_again/simulated/a.h5": "1", "b.c3d": "2"}
+    assert read_inputs(again, "trial_again") == first
+    assert read_inputs({**again, "b.c3d": "3"}, "trial_again") != first

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import pandas as pd
 from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
@@ -31,6 +32,15 @@ def test_it_says_the_numbers_of_the_study_but_no_result():
     assert "1,999 random flips" in text
     assert "None" not in text
     assert "{" not in text
+
+
+def test_it_says_which_jacobians_are_compared():
+    many = verdict(messages={"compared": {"code": "maps.pairs_of_feet", "values": {}}})
+    shown = {}
+    for name, known in (("few", verdict()), ("many", many)):
+        shown[name] = of(full_study(verdict=known)).text
+    assert "Jacobians of two orders where all feet touch at once" in shown["few"]
+    assert "in which one of two feet is before the other" in shown["many"]
 
 
 def test_what_it_cites_are_the_references_and_no_others():
@@ -206,3 +216,22 @@ def test_both_paragraphs_say_that_kinks_are_found_by_maximum_likelihood():
     assert "found by maximum likelihood" in of(full_study()).text
     said = str(Message("report.contacts_by_kink"))
     assert "found by maximum likelihood" in said
+
+
+def test_the_paragraph_tells_of_the_force_plate_where_there_was_one():
+    summary = pd.DataFrame(
+        {
+            "source": ["plates", "events"],
+            "column": ["Force plate 1", "pressed"],
+            "bias_s": [0.00518, 0.09],
+            "bias_low_s": [0.00438, 0.08],
+            "bias_high_s": [0.00589, 0.1],
+            "robust_sd_s": [0.0024, 0.01],
+            "n_matched": [42, 40],
+        }
+    )
+    text = of(full_study(overlay={"contact_overlay_summary": summary})).text
+    told = "+5.2 ms (95 % interval +4.4 to +5.9, robust standard deviation 2.4 ms"
+    assert f"onsets of force: {told}, 42 contacts; Force plate 1)." in text
+    assert "pressed;" not in text
+    assert "onsets of force" not in of(full_study()).text

@@ -8,6 +8,7 @@ from hopdata.maps.verdict.inputs import contact_spread
 from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.messages import Message
 from hopdata.report.page import build_report
+from hopdata.report.tables import truth_table
 from hopdata.report.verdict import (
     SATURATES_BELOW,
     answer,
@@ -125,6 +126,17 @@ def test_what_holds_at_the_contact_is_told_beside_what_holds_over_the_landings()
     facts = verdict_facts(verdict(**reach | found | jump))
     assert facts["over_landings"] is None
     assert facts["holds_from"] is None
+
+
+def test_a_true_difference_that_the_file_states_stands_beside_the_answer():
+    stated = {"value": 3.2e-16, "unit": "1", "what": "True difference"}
+    truth = {"recorded_true_effect": stated}
+    inputs = full_study(truth=truth)
+    text = Page(build_report(inputs)).text.replace("\u00a0", " ")
+    assert "true in this simulation: 0 %" in text
+    assert "The triangle is" not in text, "none is drawn"
+    (row,) = truth_table(truth).rows
+    assert row == ("True difference", "0", "%")
 
 
 def test_two_feet_touch_twice_their_spread_apart():

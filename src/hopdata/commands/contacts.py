@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.commands import answers, terminal
-from hopdata.errors import ConfigError, HopdataError, RecordingError, did_you_mean
+from hopdata.errors import (
+    ConfigError,
+    HopdataError,
+    RecordingError,
+    counted,
+    did_you_mean,
+)
 from hopdata.inspecting import listing
 from hopdata.messages import Message
 
@@ -138,7 +144,7 @@ def _spans(given: Sequence[float] | None) -> list[tuple[float, float]]:
     numbers = list(given or ())
     if len(numbers) % 2:
         wanted = "begin and end of each span, s"
-        raise ConfigError.at("--exclude", wanted, f"{len(numbers)} numbers")
+        raise ConfigError.at("--exclude", wanted, counted(len(numbers), "number"))
     return list(zip(numbers[::2], numbers[1::2], strict=True))
 
 

@@ -401,11 +401,14 @@ def _beside(
         rate_hz=options.rate,
         events=inspection.events,
     )
+    # Of several recordings, only the first was inspected.
+    named = options.file.name if options.more else "the file"
     lines = []
     for plate, onsets in found.plates:
         along_x, along_y = plate.sides_m
         values = {
             "number": plate.number,
+            "file": named,
             "size": f"{along_x:.2f} x {along_y:.2f} m",
             "onsets": devices.onsets_text(onsets),
         }
@@ -417,7 +420,8 @@ def _beside(
     ]
     shown = ", ".join(labels[: devices.MOST_LISTED])
     if of_sides and options.file.suffix.lower() == ".c3d":
-        lines.append(str(Message("commands.events_compared", {"labels": shown})))
+        values = {"file": named, "labels": shown}
+        lines.append(str(Message("commands.events_compared", values)))
     elif labels and roles.feet:
         in_joined = {name for names in roles.joined.values() for name in names}
         alone = [foot for foot in roles.feet if foot not in in_joined]
@@ -425,7 +429,7 @@ def _beside(
         column = f"{{name: {scalar(labels[0])}, feet: {feet}}}"
         file = scalar(relative(options.file))
         block = f"contacts: {{file: {file}, columns: [{column}]}}"
-        values = {"labels": shown, "block": block}
+        values = {"file": named, "labels": shown, "block": block}
         lines.append(str(Message("commands.events_to_compare", values)))
     return lines
 

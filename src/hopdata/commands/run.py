@@ -228,12 +228,8 @@ def _run_again(options: argparse.Namespace) -> int:
         return PROBLEM
     old = place.parent
     new = copy.parent
-    # Simulated recordings lie in the folder of their study.
-    simulated = {}
-    for name, digest in record["inputs"].items():
-        renamed = name.replace(f"/{config['study']}/simulated/", f"/{again}/simulated/")
-        simulated[renamed] = digest
-    if read_json(new / place.name)["inputs"] != simulated:
+    made = read_json(new / place.name)["inputs"]
+    if read_inputs(made, again) != read_inputs(record["inputs"], config["study"]):
         raise ConfigError.at(place, "the recordings that it names", "other content")
     tables = [f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv"))]
     names = ["verdict.json", *tables]
@@ -246,6 +242,15 @@ def _run_again(options: argparse.Namespace) -> int:
         else:
             print(f"  {name} is missing")
     return PROBLEM if different or unreadable else OK
+
+
+def read_inputs(inputs: Mapping[str, str], study: str) -> dict[str, str]:
+    """Return digests by the names of files, without the folder of a study's own.
+
+    A simulated recording lies in the folder of its study.
+    """
+    own = f"results/{study}/"
+    return {name.removeprefix(own): digest for name, digest in inputs.items()}
 
 
 def _require_inside(file: Path) -> None:

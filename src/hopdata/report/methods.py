@@ -14,7 +14,7 @@ from hopdata.errors import counted, with_names
 from hopdata.feet import foot_names
 from hopdata.foreign.working_folder import is_own
 from hopdata.messages import Message
-from hopdata.report.formatting import significant
+from hopdata.report.formatting import records, significant
 from hopdata.report.inputs import ReportInputs, count_feet, joined_feet
 from hopdata.report.tables import NO_FOOT_LANDED, excluded
 
@@ -32,6 +32,8 @@ STATES_BY = {
     "split_fit": "report.methods_split_fit",
     "savitzky_golay": "report.methods_savitzky_golay",
 }
+# Sources of contacts that are onsets of force.
+OF_FORCES = ("forces", "plates")
 # Reasons that are told one by one; the others are counted together.
 MOST_REASONS = 5
 # Key of the reference to hopdata itself, which the text names by its version.
@@ -227,7 +229,33 @@ def _of_contacts(inputs: ReportInputs, facts: Mapping[str, Any]) -> list[Message
     if max(common_ms, default=0.0) > 0.0:
         values = {"errors": _range_of(common_ms)}
         said.append(Message("report.methods_common", values))
-    return said
+    return said + _of_forces(inputs)
+
+
+def _of_forces(inputs: ReportInputs) -> list[Message]:
+    """Say how contacts compare with onsets of force, if some are known."""
+    summary = inputs.overlay.get("contact_overlay_summary")
+    if summary is None or summary.empty:
+        return []
+    known = summary[summary["source"].isin(OF_FORCES) & summary["bias_s"].notna()]
+    each = [_bias(row) for row in records(known)]
+    if not each:
+        return []
+    listed = "; ".join(str(one) for one in each)
+    return [Message("report.methods_beside_forces", {"each": listed})]
+
+
+def _bias(row: Mapping[str, Any]) -> Message:
+    """Return how late contacts are beside the onsets in one column of forces."""
+    values = {
+        "bias": f"{1e3 * row['bias_s']:+.1f}",
+        "low": f"{1e3 * row['bias_low_s']:+.1f}",
+        "high": f"{1e3 * row['bias_high_s']:+.1f}",
+        "sd": f"{1e3 * row['robust_sd_s']:.1f}",
+        "contacts": counted(int(row["n_matched"]), "contact"),
+        "column": row["column"],
+    }
+    return Message("report.methods_bias", values)
 
 
 def _median_ms(used: pd.DataFrame, kind: str) -> list[float]:
@@ -264,6 +292,8 @@ def _of_landings(inputs: ReportInputs, facts: Mapping[str, Any]) -> list[Message
         said.append(Message("report.methods_landings_excluded", values))
     if facts["n_used"]:
         said.append(_of_orders(inputs, facts))
+        if facts["method"] == "kink":
+            said.append(Message("report.methods_order_probability"))
     return said
 
 

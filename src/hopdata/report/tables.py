@@ -241,6 +241,8 @@ def excluded(touchdowns: pd.DataFrame) -> pd.Series:
 
 MODEL_NAMES = show.WORDS["models"]
 KIND_NAMES = show.WORDS["kinds"]
+# Measures that are shares of the map.
+SHARES = ("recorded_true_effect", "verdict_true_effect", "verdict_effect")
 COUNTED = ("landings", "touchdowns")
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
@@ -317,6 +319,9 @@ def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
     unit = str(entry.get("unit") or "")
     if name.startswith("labels_right_"):
         return show.fixed(show.scaled(value, 100), 1), "%"
+    if name in SHARES and value is not None:
+        # Rounding leaves some 1e-16 of a difference that does not exist.
+        return show.significant(round(100 * value, 6)), "%"
     if unit == "m":
         return show.plain(show.scaled(value, 1e3)), "mm"
     if unit in COUNTED:

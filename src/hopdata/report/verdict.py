@@ -240,8 +240,9 @@ def verdict_facts(
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
         and ``contact_spread``, the spread of the contacts with what it is;
-        ``compared``, what was compared; ``landings``, how many were judged, ``fitted``, how many of
-        these were fitted, and ``left_out``, how many are like none of these;
+        ``compared``, what was compared; ``landings``, how many were judged,
+        ``fitted``, how many of these were fitted, and ``left_out``, how many are like
+        none of these;
         ``foretold``, the share of their order that is;
         ``mainly``, what differs most; ``needed``, the landings with which ``asked``
         could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
@@ -377,7 +378,7 @@ def remark(
         values["bound"] = _percent(effect["upper_bound"])
         values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
-    true = _true_effect(truth)
+    true = _true_effect(truth) or _true_effect(truth, "recorded_true_effect")
     if true:
         said = Message("report.with_truth", {"remark": said, "true": true})
     return said
@@ -389,9 +390,11 @@ def _deciding(verdict: Verdict) -> Mapping[str, Any] | None:
     return effect
 
 
-def _true_effect(truth: Mapping[str, Mapping[str, Any]] | None) -> str | None:
+def _true_effect(
+    truth: Mapping[str, Mapping[str, Any]] | None, name: str = "verdict_true_effect"
+) -> str | None:
     """Return the true size in a simulation; None if it is not known."""
-    true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
+    true: Any = (truth or {}).get(name, {}).get("value")
     if show.is_missing(true):
         return None
     # Rounding leaves some 1e-16 of a difference that does not exist.

@@ -8,6 +8,7 @@ import pytest
 
 from hopdata.landings.schedules import schedule_names
 from hopdata.maps.truth.scoring import (
+    recorded_effect,
     score,
     score_contacts,
     score_distances,
@@ -281,3 +282,13 @@ def test_distances_are_scored_only_if_they_were_made():
     }
     assert "random_clearance" in score({"hopper": item}, distance_summary=made, **of)
     assert "random_clearance" not in score({"hopper": item}, **of)
+
+
+def test_the_true_difference_that_a_file_states_is_told():
+    item = known(np.random.default_rng(8))
+    stated = replace(item, true_effect=0.31)
+    found = recorded_effect({"a": stated, "b": stated})
+    assert values(found)["recorded_true_effect"] == 0.31
+    assert recorded_effect({"a": item}) == {}, "it does not say"
+    other = replace(item, true_effect=0.2)
+    assert recorded_effect({"a": stated, "b": other}) == {}, "they do not agree"

@@ -293,7 +293,7 @@ def judged(x: FloatArray, instants: FloatArray, verdict: Mapping[str, Any]) -> I
     verdict
         Content of ``verdict.json``; what it leaves out as far off counts from 1.
     """
-    known = np.isfinite(np.hstack([x, instants])).all(axis=1)
+    known = np.asarray(np.isfinite(np.hstack([x, instants])).all(axis=1))
     for left_out in verdict["gross_errors"].values():
         known[np.array(left_out, dtype=np.int64) - 1] = False
     return np.flatnonzero(known)

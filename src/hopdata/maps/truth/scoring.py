@@ -383,6 +383,8 @@ def score(  # noqa: PLR0913 - every kind of result that is scored
     entries: Entries = {}
     if exact:
         entries |= maps.score_verdict(exact["verdict_errors"])
+    else:
+        entries |= recorded_effect(known)
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)
     entries |= score_sections(known, sections, recordings)
@@ -395,6 +397,19 @@ def score(  # noqa: PLR0913 - every kind of result that is scored
         entries |= score_scaling(exact["scaling_study"])
         entries |= maps.score_estimates(exact["estimate_errors"])
     return entries
+
+
+def recorded_effect(known: Mapping[str, Truth]) -> Entries:
+    """Return the true difference of the maps that the files state, if they agree.
+
+    It holds between the sections for which it was computed; see
+    `hopdata.truth.Truth.true_effect`.
+    """
+    stated = [truth.true_effect for truth in known.values()]
+    if not stated or not np.allclose(stated, stated[0], atol=1e-9):
+        return {}
+    unit, what = maps.TOLD["recording"]["recorded_true_effect"]
+    return {"recorded_true_effect": entry(stated[0], unit, what)}
 
 
 def score_predictions(summary: pd.DataFrame) -> Entries:
