@@ -426,16 +426,6 @@ def test_the_methods_paragraph_states_both_errors_the_feet_and_what_was_left_out
     assert "left out" not in contacts(walking(truth)).methods().text
 
 
-@pytest.mark.parametrize(
-    ("method", "told"),
-    [("kink", "maximum likelihood"), ("velocity_minimum", "velocity of its marker")],
-)
-def test_the_methods_paragraph_tells_of_the_method_that_was_asked_for(method, told):
-    text = contacts(walking(alternating()), method=method).methods().text
-    assert told in text
-    assert ("maximum likelihood" in text) == (method == "kink")
-
-
 def test_the_methods_paragraph_says_what_the_probability_of_an_order_is():
     truth = alternating()
     together = {"left": truth["left"], "right": [one + 0.04 for one in truth["left"]]}
@@ -447,3 +437,13 @@ def test_the_methods_paragraph_says_what_the_probability_of_an_order_is():
     assert "force plate" not in text, "there is none"
     alone = contacts(walking(truth)).methods().text
     assert "sure order" not in alone
+
+
+@pytest.mark.parametrize(
+    ("method", "told"),
+    [("kink", "maximum likelihood"), ("velocity_minimum", "velocity of its marker")],
+)
+def test_the_methods_paragraph_tells_of_the_method_that_was_asked_for(method, told):
+    text = contacts(walking(alternating()), method=method).methods().text
+    assert told in text
+    assert ("maximum likelihood" in text) == (method == "kink")

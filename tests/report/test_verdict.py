@@ -288,7 +288,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
     }
     values |= {"bound": "13 %", "confidence": "95 %", "margin": "20 %"}
     message = {"code": "maps.no_difference_at_contact", "values": values}
-    values["spreads"] = "0.73"
+    values |= {"spreads": "0.73", "jumps": ""}
     known = verdict(messages={"sentence": message}, sentence="As written.")
     known |= {"holds_from": 0.00814, "contact_spread": 0.0112}
     said, reservation = answer(known)

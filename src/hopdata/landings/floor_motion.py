@@ -92,6 +92,8 @@ def floor_motion(rest: RestPoints) -> tuple[FloatArray, FloatArray]:
     # Rare rests farther off than this are in the air.
     usual_m = max(SELDOM * _range(steps.above_mode), least_m)
     steps = steps.take(np.abs(steps.above_mode) <= usual_m)
+    if len(steps.foot) < LEAST_RESTS * n_feet:
+        return still
 
     height = steps.points[:, 2]
     columns = _mounts_and_bends(steps, degree=2)

@@ -240,10 +240,9 @@ def verdict_facts(
         with its interval, if the effect saturates; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
         and ``contact_spread``, the spread of the contacts with what it is;
-        ``compared``, what was compared; ``landings``, how many were judged,
-        ``fitted``, how many of these were fitted, and ``left_out``, how many are like
-        none of these;
-        ``foretold``, the share of their order that is;
+        ``compared``, what was compared; ``landings``, how many were judged, ``fitted``,
+        how many of these were fitted, and ``left_out``, how many are like none of
+        these; ``foretold``, the share of their order that is;
         ``mainly``, what differs most; ``needed``, the landings with which ``asked``
         could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
         are lettered.
