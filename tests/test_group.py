@@ -74,6 +74,7 @@ def test_the_page_says_how_many_landings_a_subject_lacks():
         "estimate": 0.1,
         "low": 0.0,
         "high": 0.4,
+        "upper_bound": 0.36,
         "conclusion": "cannot tell",
         "landings": 300,
     }
@@ -85,6 +86,8 @@ def test_the_page_says_how_many_landings_a_subject_lacks():
     page = build_group_page(put_together(rows, GROUP), [])
     assert page.count('<td class="number">300 (1') == page.count(" needed)</td>") == 1
     assert page.count('<td class="number">300</td>') == 2
+    assert page.count("at most 36") == 3
+    assert "0 % to 40" not in page.replace("\u00a0", " ")
 
 
 def test_the_same_landings_as_two_subjects_are_told():

@@ -729,4 +729,6 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
         cells["ends"] = f"at least {_percent(low)}"
         return cells
     cells["ends"] = f"{_percent(low)} to {_percent(high)}"
+    if row["conclusion"] != "different":
+        cells["ends"] = f"at most {_percent(row['upper_bound'])}"
     return cells
