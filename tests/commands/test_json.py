@@ -94,7 +94,7 @@ def test_contacts(faulty, capsys):
 
 def test_plan(tmp_path, capsys):
     verdict = {"n_landings": 500, "n_feet": 2, "power": 0.8, "sentence": ""}
-    verdict["effect"] = {"detectable": 0.4, "allowed": 0.1}
+    verdict |= {"margin": 0.2, "effect": {"detectable": 0.4, "allowed": 0.1}}
     file = tmp_path / "verdict.json"
     file.write_text(json.dumps(verdict))
     found = answer(capsys, "plan", file, "--difference", "0.3")

@@ -138,7 +138,7 @@ def test_jobs_on_a_terminal_are_a_bar_of_one_line():
 
 def test_plan_and_doctor_draw_their_tables(tmp_path):
     verdict = {"n_landings": 500, "n_feet": 2, "power": 0.8, "sentence": ""}
-    verdict["effect"] = {"detectable": 0.4, "allowed": 0.1}
+    verdict |= {"margin": 0.2, "effect": {"detectable": 0.4, "allowed": 0.1}}
     file = tmp_path / "verdict.json"
     file.write_text(json.dumps(verdict))
     begin = "from hopdata.__main__ import main\n"

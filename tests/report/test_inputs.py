@@ -189,12 +189,12 @@ def test_the_caption_of_the_maps_gives_their_errors():
         in shown["simulated"]
     )
     assert "exact" not in shown["real"]
-    assert "worse than a map of zeros" not in shown["simulated"]
+    assert "A map of zeros errs less" not in shown["simulated"]
 
     truth["map_estimate_error_printed"]["value"] = 1.02
     facts = study_facts(ReportInputs("study", truth=truth))
     caption = render_caption(captions()["map_matrices"], facts, name="map_matrices")
-    assert "worse than a map of zeros" in " ".join(caption.paragraphs)
+    assert "A map of zeros errs less" in " ".join(caption.paragraphs)
 
 
 def test_the_caption_of_the_scaling_study_gives_its_slopes():

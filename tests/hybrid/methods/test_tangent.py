@@ -211,7 +211,7 @@ def test_a_derivative_that_is_not_finite_is_a_failure():
 
 N = 3
 CONSTANT, VARYING = np.random.default_rng(7).normal(size=(2, N, N))
-ROWS = (3 + tangent.BLOCKS) * N + PHI_ROWS
+ROWS = (4 + tangent.BLOCKS) * N + PHI_ROWS
 
 
 def derivative(t):
@@ -309,7 +309,7 @@ def method_of(n_stages):
 @pytest.mark.parametrize("n_stages", range(1, 14))
 def test_its_table_has_room_for_the_blocks_of_the_stages_and_of_short_steps(n_stages):
     rows = method_of(n_stages).tangent_rows
-    assert rows == PHI_ROWS + (3 + max(n_stages, tangent.BLOCKS)) * N
+    assert rows == PHI_ROWS + (4 + max(n_stages, tangent.BLOCKS)) * N
     found, error, _ = short_flow(0.1, rows=rows)  # beyond the table is an IndexError
     expected, expected_error, _ = short_flow(0.1)
     assert found.tobytes() == expected.tobytes()
