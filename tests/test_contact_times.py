@@ -447,3 +447,20 @@ def test_the_methods_paragraph_tells_of_the_method_that_was_asked_for(method, to
     text = contacts(walking(alternating()), method=method).methods().text
     assert told in text
     assert ("maximum likelihood" in text) == (method == "kink")
+
+
+def test_millimetres_taken_for_metres_are_told():
+    recording, _ = hd.synthesize("hopper", simulation={"hops": 20}, seed=5)
+    feet = [name for name in recording.markers if name.startswith("foot")]
+    body = [name for name in recording.markers if name.startswith("body")]
+
+    def made(factor):
+        positions = factor * recording.positions
+        names = recording.markers
+        return hd.Recording.from_arrays(
+            recording.time, positions, names, feet=feet, body=body
+        )
+
+    assert len(contacts(made(1.0)).found) == 60
+    with pytest.raises(HopdataError, match=r"multiply the positions by 0\.001"):
+        contacts(made(1000.0))

@@ -43,6 +43,7 @@ from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
 from hopdata.messages import Lines, Message, Messages
 from hopdata.recording import Recording, require_distinct
+from hopdata.recordings.plausibility import check_fall
 from hopdata.recordings.writers.contact_events import ContactEvent
 
 if TYPE_CHECKING:
@@ -571,6 +572,9 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
             found.append(read(one, name=name))
             files.append([Path(one)])
         elif isinstance(one, Recording):
+            # The unit of a file is looked at when it is read; arrays have none.
+            if not one.source:
+                check_fall(one)
             found.append(one)
             files.append(_file_of(one))
         else:

@@ -165,10 +165,15 @@ def _top(verdict: Mapping[str, Any]) -> float:
     if effect is None:
         return 0.0
     most = max(verdict["margin"], effect["estimate"], min(effect["detectable"], 1.0))
-    end = min(_end(verdict["conclusion"], effect), LONGEST * most)
+    end = _end(verdict["conclusion"], effect)
+    longest = LONGEST if math.isfinite(end) else OPEN_ENDED
+    end = min(end, longest * most)
     return ROOM * 100.0 * max(most, end)
 
 
+#: How far a bar without an upper end goes on, so that it leaves room for other bars.
+#: Unit: 1, of the largest number beside it. Origin: chosen.
+OPEN_ENDED = 1.4
 # The axis is longer than what it has to show by this factor.
 ROOM = 1.12
 # The answer above a panel.
