@@ -1648,7 +1648,8 @@ def saturation(section, fit, size, over_landings, study):
     least = min(f.misfit for f in fits)
     slowest = next(f for f in fits if f.misfit <= least + 3.84)
     estimate = at_contact(section, fit, slowest.contact, size, study)["estimate"]
-    if estimate <= max(fit.allowed, over_landings["estimate"]):
+    end = "estimate" if section.t.shape[1] <= 3 else "high"
+    if estimate <= max(fit.allowed, over_landings[end]):
         return p_value, over_landings
     unbounded = {"estimate": estimate, "high": None, "upper_bound": None}
     return p_value, over_landings | unbounded
