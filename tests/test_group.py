@@ -22,7 +22,7 @@ from hopdata.__main__ import main
 from hopdata.figures.sizes import sizes_figure
 from hopdata.figures.verdict import group_figure
 from hopdata.group import one_by_one, put_together
-from hopdata.report.verdict import build_group_page
+from hopdata.report.group_page import build_group_page
 
 ROOT = Path(__file__).parents[1]
 CONFIG = {

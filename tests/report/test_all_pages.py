@@ -21,9 +21,9 @@ from hopdata.figures.verdict import group_figure
 from hopdata.group import put_together
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.raw import RawRecording
+from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 from hopdata.report.scene import recording_scene
-from hopdata.report.verdict import build_group_page
 from hopdata.steering.report.page import build_steering_report
 from test_group import GROUP, made_up
 

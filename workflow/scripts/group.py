@@ -8,8 +8,8 @@ from hopdata.figures.style import save_figure
 from hopdata.figures.verdict import group_figure
 from hopdata.group import one_by_one, put_together
 from hopdata.jobs import read_json, reported, whole_file, write_json, write_table
+from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import read_figures
-from hopdata.report.verdict import build_group_page
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     output = snakemake.output

@@ -1,0 +1,149 @@
+"""The page of a group: its answer, forest plot, conditions, and all its studies."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hopdata.report import formatting as show
+from hopdata.report.group import by_answer, summaries
+from hopdata.report.group_methods import group_methods
+from hopdata.report.inputs import ReportFigure, picture_of, rendered
+from hopdata.report.verdict import percent
+
+CONDITIONS: show.Columns = {
+    "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
+    "subjects": show.counted("n"),
+    "rms of the first (%)": show.decimals("size_a", 1, 100.0),
+    "rms of the second (%)": show.decimals("size_b", 1, 100.0),
+    "difference of squares (%²)": show.decimals("difference", 1, 1e4),
+    "from (%²)": show.decimals("low", 1, 1e4),
+    "to (%²)": show.decimals("high", 1, 1e4),
+    "p": lambda row: show.significant(row["p_value"], 2),
+    "p after Holm": lambda row: show.significant(row["p_holm"], 2),
+}
+
+
+def build_group_page(
+    group: Mapping[str, Any],
+    figures: Sequence[ReportFigure],
+    *,
+    one_by_one: bool = True,
+) -> str:
+    """Build the page of a group.
+
+    Parameters
+    ----------
+    group : mapping
+        Contents of ``group.json``.
+    figures : sequence of ReportFigure
+        The sizes of its studies.
+    one_by_one : bool
+        Whether the studies can be read one by one. If there are too many, the page
+        sums them up, and lists those of each answer folded.
+    """
+    rows = group["members"]
+    title = "Conditions compared within subjects"
+    members: Any = [_member(row) for row in rows]
+    saturate = any(row.get("saturates") for row in rows)
+    judged = [row for row in rows if not row["reason"]]
+    facts = {
+        "one_by_one": one_by_one,
+        "some_saturate": saturate,
+        "n": len(judged),
+        "confidence": show.percent(100 * group["confidence"]),
+        "margin": show.percent(100 * group["margin"]),
+        "of_all": group["effect"] is not None,
+    }
+    reasons = {row["reason"] for row in rows}
+    if len(reasons) == 1:  # the sentence at the top of the page says it once
+        members = [{**cells, "reason_told": ""} for cells in members]
+    summed: list[show.Table] = []
+    if not one_by_one:
+        summed = summaries(rows)
+        answers = by_answer(rows).items()
+        members = {one: [_member(row) for row in some] for one, some in answers}
+    return rendered(
+        "group.html.j2",
+        group=group,
+        highlights=_highlights(group),
+        pictures=[picture_of(one, facts) for one in figures],
+        one_by_one=one_by_one,
+        methods=group_methods(group),
+        some_without=any(row["reason"] for row in rows),
+        some_saturate=saturate,
+        summaries=summed,
+        further=list(dict.fromkeys(key for row in rows for key in row["further"])),
+        has_conditions=len({row["condition"] for row in rows}) > 1,
+        members=members,
+        conditions=show.table_of(title, group["conditions"], CONDITIONS),
+    )
+
+
+def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return name, value and remark of each key number of a group."""
+    rows = group["members"]
+    effect = group["effect"]
+    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
+    judged = f"{answers.total()} of {len(rows)}"
+    said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
+    studies = ("Studies judged", judged, said)
+    if effect is None:
+        return [studies]
+    model = effect["combined"]
+    interval = f"interval {percent(effect['low'])} to {percent(effect['high'])}"
+    q = show.significant(model["q"])
+    p = show.significant(model["q_p_value"], 2)
+    return [
+        ("Difference over subjects (rms)", percent(effect["estimate"]), interval),
+        ("At most", percent(effect["upper_bound"]), "one-sided bound of the rms"),
+        studies,
+        (
+            "Between subjects (I²)",
+            percent(model["i2"]),
+            f"Q = {q}, p = {p}; what smooth terms leave counts, too",
+        ),
+    ]
+
+
+def _member(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the cells of a member, and a summary of its checks."""
+    checks = row.get("quality", [])
+    statuses = Counter(status for _, status in checks)
+    counts = []
+    for status in ("good", "look", "poor"):
+        if statuses[status]:
+            counts.append(f"{statuses[status]} {status}")
+    cells = dict(row)
+    cells["checks"] = ", ".join(counts)
+    cells["poor"] = "; ".join(what for what, status in checks if status == "poor")
+
+    needed = row.get("landings_needed") or 0
+    cells["needed"] = ""
+    if row.get("conclusion") != "different" and needed > row.get("landings", 0):
+        cells["needed"] = show.count(needed)
+
+    cells["reason_told"] = f": {row['reason']}"
+    cells["size"] = None
+    cells["ends"] = ""
+    if row["reason"]:
+        return cells
+    if "jump_low" in row:
+        cells["size"] = f"a jump of {percent(row['jump_estimate'])}"
+        low = row["jump_low"]
+        high = row["jump_high"]
+    else:
+        cells["size"] = percent(row["estimate"])
+        low = row["low"]
+        high = row["high"]
+    if row.get("saturates"):
+        over = percent(row["over_landings_estimate"])
+        cells["size"] += f" (over the landings {over})"
+    if high is None:
+        cells["ends"] = f"at least {percent(low)}"
+        return cells
+    cells["ends"] = f"{percent(low)} to {percent(high)}"
+    if row["conclusion"] != "different":
+        cells["ends"] = f"at most {percent(row['upper_bound'])}"
+    return cells
