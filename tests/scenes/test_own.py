@@ -11,6 +11,7 @@ import pytest
 
 import hopdata as hd
 from hopdata.__main__ import main
+from hopdata.config.loading import load_config, what_is_set
 from hopdata.errors import ArgumentError, ConfigError
 from hopdata.foreign.working_folder import SAID, digests_of
 from hopdata.provenance import own_code
@@ -79,6 +80,39 @@ def test_a_name_in_a_file_alone_runs_no_code(capsys):
 def test_a_scene_that_the_command_names_is_checked(capsys):
     assert main(["check", "own.yaml", "--scene", "odd_lab:Stiff"]) == 0
     assert "is sound" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["check", "run", "plan", "contacts"])
+def test_each_command_that_reads_a_configuration_takes_the_scene(
+    command, capsys, monkeypatch
+):
+    reached = []
+    for module in ("run", "plan"):
+        place = f"hopdata.commands.{module}.run_workflow"
+        monkeypatch.setattr(place, lambda *given, **_: reached.append(given) or 1)
+    expected = "found its name in a file alone"
+    assert main([command, "own.yaml"]) == 1
+    assert expected in capsys.readouterr().err
+    assert not reached
+    main([command, "own.yaml", "--scene", "odd_lab:Stiff"])
+    assert expected not in capsys.readouterr().err
+    assert os.environ[SAID] == "odd_lab:Stiff"  # which the jobs inherit
+    assert bool(reached) == (command in ("run", "plan"))
+
+
+def test_what_a_finished_study_set_is_known_without_its_scene():
+    os.environ[SAID] = "odd_lab:Stiff"
+    config = load_config("own.yaml")
+    with_it = what_is_set(config)
+    assert with_it["simulation"] == {"hops": 3, "scene": "odd_lab:Stiff"}
+    os.environ[SAID] = ""
+    del sys.modules["odd_lab"], sys.modules["my_numbers"]
+    without = what_is_set(config)
+    assert without["simulation"].pop("odd_lab:Stiff")["side_stiffness_n_m"] == 90.0
+    assert without == with_it
+    assert "odd_lab" not in sys.modules
+    with pytest.raises(ConfigError, match="HOPDATA_SCENE"):
+        load_config("own.yaml")
 
 
 def test_a_scene_by_name_and_as_an_object_give_the_same():
