@@ -271,9 +271,8 @@ def test_a_group_with_an_answer_is_told_nothing_to_do():
     bound = f"{100 * group['effect']['upper_bound']:.2g} %"
     assert f">at most {bound}<" in page
     assert "the number to print" in page
-    assert (
-        f"to {100 * group['effect']['high']:.2g} %" not in page.partition("<table")[0]
-    )
+    tiles = page.partition('<dl class="highlights">')[2].partition("</dl>")[0]
+    assert f"to {100 * group['effect']['high']:.2g} %" not in tiles
 
 
 def test_few_of_many_copies_are_named():
