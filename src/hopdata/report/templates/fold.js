@@ -72,7 +72,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       }
       columns.sort((one, other) => one.left - other.left);
       return columns.reduce((rows, one) => {
-        if (rows.length && one.right - rows.at(-1).left <= room) join(rows.at(-1), one);
+        if (rows.length && one.right - rows.at(-1).left <= 0.8 * room) join(rows.at(-1), one);
         else rows.push(one);
         return rows;
       }, []);
@@ -88,7 +88,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       const beside = found.filter((other) => other.left >= one.right - 2).sort((a, b) => a.left - b.left)[0];
       const column = upright ? beside : found.find((other) => within(one, other));
       if (column) join(column, one);
-      else if (one.right - one.left > room) found.push(...columnsOf(one.of[0]));
+      else if (one.right - one.left > 0.8 * room) found.push(...columnsOf(one.of[0])); // its letters are small as it is
       else found.push(one);
     }
     for (const half of inside(group, ["subfigure"])) {
