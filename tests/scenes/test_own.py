@@ -17,7 +17,9 @@ from hopdata.foreign.working_folder import SAID, digests_of
 from hopdata.provenance import own_code
 from hopdata.scenes import own, scene_class
 from hopdata.scenes.quadruped import Quadruped
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.scaling import known_scene
+from hopdata.synthesis.simulate import Simulation
 
 MODULE = """
 import my_numbers
@@ -184,3 +186,18 @@ def test_the_digests_are_those_of_all_its_files():
     assert own_code(config) == changed
     config["simulation"] = {"scene": "quadruped"}
     assert own_code(config) == {}
+
+
+class Uncontrolled(Quadruped):
+    """A scene that offers no control."""
+
+    controls = ()
+
+
+def test_what_a_scene_offers_of_controls_is_told():
+    coupled = Control(coupling=0.3)
+    Simulation(name="odd", scene=Quadruped(), control=coupled)
+    with pytest.raises(ConfigError, match="knows none of them, found"):
+        Simulation(name="odd", scene=Uncontrolled(), control=coupled)
+    with pytest.raises(ConfigError, match="knows coupling only, found"):
+        Simulation(name="odd", scene=Quadruped(), control=Control(impulse=2.0))

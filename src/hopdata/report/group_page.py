@@ -6,11 +6,18 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report.group import by_answer, summaries
+from hopdata.report.group import by_answer, contacts_table, summaries
 from hopdata.report.group_methods import group_methods
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 from hopdata.report.verdict import percent
+from hopdata.report.what_now import (
+    DOCUMENTATION,
+    advice_to_group,
+    cannot_tell,
+    limits_of_group,
+)
 
 CONDITIONS: show.Columns = {
     "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
@@ -77,6 +84,10 @@ def build_group_page(
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
         members=members,
+        limits=limits_of_group(rows) if cannot_tell(group) else [],
+        advice=advice_to_group(group),
+        documentation=DOCUMENTATION,
+        contacts=contacts_table(rows),
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
     )
 
@@ -92,18 +103,39 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     if effect is None:
         return [studies]
     model = effect["combined"]
-    interval = f"interval {percent(effect['low'])} to {percent(effect['high'])}"
     q = show.significant(model["q"])
     p = show.significant(model["q_p_value"], 2)
     return [
-        ("Difference over subjects (rms)", percent(effect["estimate"]), interval),
-        ("At most", percent(effect["upper_bound"]), "one-sided bound of the rms"),
+        *_sizes(group),
         studies,
         (
             "Between subjects (I²)",
             percent(model["i2"]),
             f"Q = {q}, p = {p}; what smooth terms leave counts, too",
         ),
+    ]
+
+
+def _sizes(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return the size with its interval or, without a difference, first its bound.
+
+    The answer rests on one of the two, and that is the one to print.
+    """
+    effect = group["effect"]
+    size = percent(effect["estimate"])
+    values = {"confidence": show.percent(100 * group["confidence"])}
+    if group["conclusion"] == "different":
+        values["interval"] = f"{percent(effect['low'])} to {percent(effect['high'])}"
+        remark = str(Message("report.group_interval", values))
+        return [("Difference over subjects", size, remark)]
+    at_most = str(Message("report.group_at_most", values))
+    return [
+        (
+            "Difference over subjects",
+            f"at most {percent(effect['upper_bound'])}",
+            at_most,
+        ),
+        ("Its estimate", size, str(Message("report.group_estimate"))),
     ]
 
 

@@ -6,7 +6,7 @@ said in ``messages.toml`` alone, from which docs/cannot_tell.md has it, too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -68,22 +68,29 @@ def limits(verdict: Verdict | None) -> list[Limit]:
     Advice that two limits share is given once.
     """
     known = verdict or {}
-    found = []
-    given = {""}
     causes = known.get("what_now") or []
-    if any(cause.get("code") == ONE_ORDER for cause in causes):
-        # More landings in the same order are of no use.
-        given.add("landings")
+    found = []
+    waiting = _names(causes)
     for cause in causes:
         name = _advice_on(cause)
         advice: Message | str = ""
-        if name not in given:
+        if name in waiting:
+            waiting.remove(name)
             advice = Message(f"report.advice_{name}")
-        given.add(name)
         found.append(Limit(told(cause, str(cause.get("said", ""))), advice))
     if not found:
         found = _of_reasons(known)
     return found
+
+
+def _names(causes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the names of the advice on these limits, each once."""
+    names = dict.fromkeys(_advice_on(cause) for cause in causes)
+    names.pop("", None)
+    if OF_CODE[ONE_ORDER] in names:
+        # More landings in the same order are of no use.
+        names.pop("landings", None)
+    return list(names)
 
 
 def _advice_on(cause: Mapping[str, Any]) -> str:
@@ -169,3 +176,78 @@ def decisive(verdict: Verdict | None) -> list[Message | str]:
     if shown and shown[0].get("code") == ONE_ORDER:
         shown = causes[:2]
     return [told(cause, str(cause.get("said", ""))) for cause in shown]
+
+
+# What limits a group: its studies, counted.
+
+# Most studies that a limit names.
+MOST_NAMED = 5
+
+# Answers of studies that need no advice.
+ANSWERS = ("different", "no difference")
+
+
+def limits_of_group(rows: Sequence[Mapping[str, Any]]) -> list[Limit]:
+    """Return what limits the studies of a group that cannot tell, most frequent first.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+        A row for each study, with the ``what_now`` of its verdict, if it is known.
+    """
+    subjects: dict[str, list[str]] = {}
+    for row in rows:
+        if not row["reason"] and row["conclusion"] in ANSWERS:
+            continue
+        for name in _names(row.get("what_now") or []):
+            subjects.setdefault(name, []).append(study_name(row))
+    ordered = sorted(subjects.items(), key=lambda item: -len(item[1]))
+    found = []
+    for name, of_limit in ordered:
+        values = {
+            "limit": Message(f"report.limit_{name}"),
+            "studies": f"{len(of_limit)} of {len(rows)} studies ({_listed(of_limit)})",
+        }
+        advice = Message(f"report.advice_{name}")
+        found.append(Limit(Message("report.group_limit", values), advice))
+    return found
+
+
+def study_name(row: Mapping[str, Any]) -> str:
+    """Return the subject of a study of a group, and its condition if it has one."""
+    return ", ".join(part for part in (row["subject"], row["condition"]) if part)
+
+
+def _listed(names: Sequence[str]) -> str:
+    listed = "; ".join(names[:MOST_NAMED])
+    more = len(names) - MOST_NAMED
+    return f"{listed} and {more} others" if more > 0 else listed
+
+
+def advice_to_group(group: Mapping[str, Any]) -> list[Message]:
+    """Return what else a group that cannot tell should know; else nothing.
+
+    Parameters
+    ----------
+    group : mapping
+        Contents of ``group.json``.
+    """
+    if group["conclusion"] in ANSWERS:
+        return []
+    said = []
+    rows = group["members"]
+    feet = {len(row["contacts"]["feet"]) for row in rows if row.get("contacts")}
+    if feet == {TWO} and not any(row.get("landings_needed") for row in rows):
+        advice = Message("report.advice_two_feet")
+        said.append(Message("report.group_two_feet", {"advice": advice}))
+    said.append(Message("report.advice_group"))
+    effect = group["effect"]
+    if effect is not None:
+        values = {
+            "bound": percent(effect["upper_bound"]),
+            "confidence": show.percent(100 * group["confidence"]),
+        }
+        said.append(Message("report.group_stands_bound", values))
+    elif feet:
+        said.append(Message("report.group_stands_contacts"))
+    return said
