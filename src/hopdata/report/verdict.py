@@ -586,14 +586,25 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
 
 # The page of a group: answer, forest plot, conditions, and every member with its link.
 
+OF_CONDITION: show.Columns = {
+    "condition": lambda row: str(row["condition"]),
+    "subjects": show.counted("subjects"),
+    "answer": lambda row: str(row["conclusion"]),
+    "rms (%)": show.decimals("estimate", 1, 100.0),
+    "from (%)": show.decimals("low", 1, 100.0),
+    "to (%)": show.decimals("high", 1, 100.0),
+    "at most (%)": show.decimals("upper_bound", 1, 100.0),
+    "I² (%)": show.decimals("i2", 0, 100.0),
+    "p of Q": lambda row: show.significant(row["q_p_value"], 2),
+}
 CONDITIONS: show.Columns = {
     "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
     "subjects": show.counted("n"),
     "rms of the first (%)": show.decimals("size_a", 1, 100.0),
     "rms of the second (%)": show.decimals("size_b", 1, 100.0),
-    "difference of squares (%²)": show.decimals("difference", 1, 1e4),
-    "from (%²)": show.decimals("low", 1, 1e4),
-    "to (%²)": show.decimals("high", 1, 1e4),
+    "difference of squares": show.decimals("difference", 3),
+    "from": show.decimals("low", 3),
+    "to": show.decimals("high", 3),
     "p": lambda row: show.significant(row["p_value"], 2),
     "p after Holm": lambda row: show.significant(row["p_holm"], 2),
 }
@@ -629,6 +640,7 @@ def build_group_page(
         "confidence": show.percent(100 * group["confidence"]),
         "margin": show.percent(100 * group["margin"]),
         "of_all": group["effect"] is not None,
+        "of_conditions": any(one["effect"] for one in group.get("by_condition", [])),
     }
     reasons = {row["reason"] for row in rows}
     if len(reasons) == 1:  # the sentence at the top of the page says it once
@@ -652,7 +664,23 @@ def build_group_page(
         has_conditions=len({row["condition"] for row in rows}) > 1,
         members=members,
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
+        by_condition=show.table_of(
+            "Over the subjects of each condition", _of_conditions(group), OF_CONDITION
+        ),
     )
+
+
+def _of_conditions(group: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the size of each condition, empty where too few subjects have one."""
+    rows = []
+    for one in group.get("by_condition", []):
+        effect = one["effect"] or {}
+        sizes = ("estimate", "low", "high", "upper_bound")
+        row = {**one, **{name: effect.get(name) for name in sizes}}
+        model = effect.get("combined") or {}
+        row |= {name: model.get(name) for name in ("i2", "q_p_value")}
+        rows.append(row)
+    return rows
 
 
 def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -664,7 +692,7 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
     studies = ("Studies judged", judged, said)
     if effect is None:
-        return [studies]
+        return [*_of_each(group), studies]
     model = effect["combined"]
     interval = f"interval {_percent(effect['low'])} to {_percent(effect['high'])}"
     q = show.significant(model["q"])
@@ -679,6 +707,21 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
             f"Q = {q}, p = {p}; what smooth terms leave counts, too",
         ),
     ]
+
+
+def _of_each(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return the size of each condition that has one."""
+    found = []
+    for one in group.get("by_condition", []):
+        effect = one["effect"]
+        if effect is None:
+            continue
+        ends = f"interval {_percent(effect['low'])} to {_percent(effect['high'])}"
+        if one["conclusion"] != "different":
+            ends = f"at most {_percent(effect['upper_bound'])}"
+        name = f"{one['condition']}: difference over {one['subjects']} subjects (rms)"
+        found.append((name, _percent(effect["estimate"]), ends))
+    return found
 
 
 def _percent(share: float) -> str:
