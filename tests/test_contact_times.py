@@ -44,7 +44,9 @@ def falls(time, landings, *, up_s=0.24, rise_m=0.12):
     return height
 
 
-def walking(landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0):
+def walking(
+    landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0, bob_late_s=0.0
+):
     """Return a recording whose feet land at given instants, over a body that bobs."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
@@ -53,7 +55,7 @@ def walking(landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0):
     for foot, name in enumerate(names):
         positions[:, foot, 0] = 0.3 * foot
         positions[:, foot, 2] = 0.05 + falls(time, landings_of[name])
-    bob = bob_m * np.sin(2 * np.pi * time / STEP_S)
+    bob = bob_m * np.sin(2 * np.pi * (time - bob_late_s) / STEP_S)
     for number, place in enumerate([(0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)]):
         positions[:, len(names) + number, :2] = place
         positions[:, len(names) + number, 2] = 0.9 + bob
@@ -115,6 +117,24 @@ def test_the_pairs_of_a_trot_land_together_in_an_order():
     assert list(found.orders["order"]) == ["LF > RH", "LH > RF"] * 2 + ["LF > RH"]
     assert found.orders["sure"].all()
     assert (found.orders["probability"] > 0.99).all()
+
+
+@pytest.mark.parametrize("bob_late_s", [0.1, 0.2, 0.3, 0.4, 0.5])
+def test_what_lands_together_does_not_depend_on_the_trunk(bob_late_s):
+    """A descent of the trunk may end between the contacts of a pair, or of a jump."""
+    first = [0.7, 1.9, 3.1]
+    truth = {
+        "LF": first,
+        "RF": [instant + 0.01 for instant in first],
+        "LH": [instant + 0.14 for instant in first],
+        "RH": [instant + 0.148 for instant in first],
+    }
+    with_trunk = contacts(walking(truth, bob_m=0.05, bob_late_s=bob_late_s))
+    alone = contacts(walking(truth, with_body=False))
+    assert list(alone.orders["order"]) == ["LF > RF", "LH > RH"] * 3
+    assert list(with_trunk.orders["order"]) == list(alone.orders["order"])
+    apart_s = np.abs(with_trunk.table["contact_s"] - alone.table["contact_s"])
+    assert (apart_s < 4 * np.hypot(with_trunk.table["se_s"], alone.table["se_s"])).all()
 
 
 def test_a_landing_whose_feet_touch_at_once_is_unsure():

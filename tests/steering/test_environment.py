@@ -16,6 +16,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra `gym` is not inst
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from hopdata.commands.doctor import USES
 from hopdata.errors import AnalysisError, ArgumentError, ConfigError
 from hopdata.steering import environment as module
 from hopdata.steering.environment import (
@@ -189,7 +190,22 @@ def test_nothing_else_loads_gymnasium_and_an_import_makes_it_known():
         "environment.register()\n"
         "print(gymnasium.spec('hopdata/SteeredHopper-v0').entry_point)\n"
     )
+    assert _run(program) == "hopdata.steering.environment:SteeredHopperEnv"
+
+
+def test_what_doctor_names_makes_the_environment_at_once():
+    told = USES["extras"]["gym"]
+    program = f"import gymnasium\nprint({told}.unwrapped.task)\n"
+    assert _run(program) == "origin"
+    # The name alone is known to no one who has not imported the module.
+    bare = told.replace("hopdata.steering.environment:", "")
+    assert bare != told
+    with pytest.raises(subprocess.CalledProcessError):
+        _run(f"import gymnasium\n{bare}\n")
+
+
+def _run(program):
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert done.stdout.strip() == "hopdata.steering.environment:SteeredHopperEnv"
+    return done.stdout.strip()

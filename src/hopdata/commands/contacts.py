@@ -19,7 +19,7 @@ from hopdata.errors import (
     did_you_mean,
 )
 from hopdata.inspecting import listing
-from hopdata.messages import Message
+from hopdata.messages import Message, in_shell
 
 if TYPE_CHECKING:
     from hopdata.arrays import pd
@@ -433,7 +433,8 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    told = [*map(str, one_for_all_feet(found.messages)), *notes]
+    of_contacts = [in_shell(one) for one in one_for_all_feet(found.messages)]
+    told = [*map(str, of_contacts), *notes]
     for note in without_places(told, places):
         terminal.note(note)
 

@@ -65,7 +65,8 @@ OVERSURE = 1.3
 
 #: Share of the compliance added to the common error, since no foot stops exactly
 #: exponentially.
-#: Unit: 1. Origin: measured: on the same animals.
+#: Unit: 1. Origin: measured: on the same animals
+#: (benchmarks/contact_instants.py).
 SHAPE_SHARE = 0.03
 
 #: An instant that moves by this much more than the compliance explains lies in a gap,
