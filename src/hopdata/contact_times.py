@@ -359,9 +359,9 @@ def contacts(
         Spans, s, whose frames count as unseen in all recordings, such as those with
         exchanged markers, each with a reason that is told; or ``from_s``, ``to_s`` and
         ``reason`` of each, as in the configuration. A foot that comes down in them is
-        not timed, or less surely from the frames beside them. Of a landing half inside, the feet outside are
-        timed; a landing wholly inside has no row, and no number: compare tables with
-        and without it by time.
+        not timed, or less surely from the frames beside them. Of a landing half inside,
+        the feet outside are timed; a landing wholly inside has no row, and no number:
+        compare tables with and without it by time.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.
