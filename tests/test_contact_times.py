@@ -379,7 +379,9 @@ def test_scatter_beside_plates_is_told_with_what_the_errors_state():
     assert beside_plates_told(table.assign(plate_s=np.nan)) == []
 
 
-@pytest.mark.parametrize("span", [(0.9, 0.8), (90.0, 91.0), 0.5, (0.1, "b")])
+@pytest.mark.parametrize(
+    "span", [(0.9, 0.8), (90.0, 91.0), 0.5, (0.1, "b"), (0.1, 0.2, 3), {"from_s": 0.1}]
+)
 def test_a_span_that_is_none_is_refused(span):
     with pytest.raises(ArgumentError, match="exclude"):
         contacts(walking(alternating()), exclude=[span])
@@ -394,6 +396,48 @@ def test_contacts_in_an_excluded_span_are_not_timed():
     assert np.abs(left - second_s).min() > 0.1
     assert len(left) == len(truth["left"]) - 1
     assert found.messages[0].code == "landings.spans_excluded"
+
+
+@pytest.mark.parametrize("is_mapping", [True, False])
+def test_the_reason_of_an_excluded_span_stands_wherever_it_is_told(is_mapping):
+    first = np.array([0.7, 1.9, 3.1])
+    recording = walking({"left": first, "right": first + 0.04}, bob_m=0.02)
+    span = (1.93, 2.2, "a person in the way")
+    if is_mapping:
+        span = dict(zip(("from_s", "to_s", "reason"), span, strict=True))
+    found = contacts(recording, exclude=[span])
+    assert "1.93 to 2.2 s (a person in the way)" in found.remarks[0]
+    hidden = found.table.query("not found")
+    assert [*hidden["foot"]] == ["right"]
+    assert [*hidden["remark"]] == ["by hand: a person in the way"]
+    text = found.methods().text
+    assert "(a person in the way) of walk were left out by hand." in text
+    without = contacts(recording, exclude=[(1.93, 2.2)])
+    assert [*without.table.query("not found")["remark"]] == [
+        "frames missing at the contact"
+    ]
+    assert "[say why]" in without.methods().text
+
+
+def test_feet_that_are_hidden_at_their_contacts_are_told_with_number_and_time():
+    first = np.array([0.7, 1.9, 3.1])
+    recording = walking({"left": first, "right": first + 0.04}, bob_m=0.02)
+    code = "landings.contacts_hidden"
+    assert code not in [one.code for one in contacts(recording).messages]
+    in_turn = contacts(walking(alternating()))
+    assert code not in [one.code for one in in_turn.messages]
+    right = recording.markers.index("right")
+    recording.positions[recording.time > 1.6, right] = np.nan
+    found = contacts(recording)
+    (told,) = [one for one in found.messages if one.code == code]
+    assert told.values["foot"] == "right"
+    assert (told.values["hidden"], told.values["landings"]) == (2, 3)
+    assert told.values["from_s"] < 1.9
+    assert told.values["to_s"] > 3.1
+    recording.positions[recording.time > 3.3, right] = 0.05  # seen again, standing
+    (again,) = [one for one in contacts(recording).messages if one.code == code]
+    assert (again.values["hidden"], again.values["landings"]) == (2, 3)
+    assert "right is hidden where it should touch in 2 of 3 landings" in str(told)
 
 
 def landed(commons):

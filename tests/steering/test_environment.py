@@ -193,15 +193,16 @@ def test_nothing_else_loads_gymnasium_and_an_import_makes_it_known():
     assert _run(program) == "hopdata.steering.environment:SteeredHopperEnv"
 
 
-def test_what_doctor_names_makes_the_environment_at_once():
-    told = USES["extras"]["gym"]
-    program = f"import gymnasium\nprint({told}.unwrapped.task)\n"
-    assert _run(program) == "origin"
-    # The name alone is known to no one who has not imported the module.
-    bare = told.replace("hopdata.steering.environment:", "")
-    assert bare != told
+def test_the_name_on_the_page_makes_the_environment_at_once():
+    page = Path("docs/steering.md").read_text("utf-8")
+    (name,) = set(re.findall(r'ID = "([^"]+)"', page))
+    assert name.endswith(f":{ID}")
+    program = "import gymnasium\nprint(gymnasium.make({!r}).unwrapped.task)\n"
+    assert _run(program.format(name)) == "origin"
+    assert f'"{name}"' in USES["extras"]["gym"]  # `hopdata doctor` says the same
+    # The bare name is known to no one who has not imported the module.
     with pytest.raises(subprocess.CalledProcessError):
-        _run(f"import gymnasium\n{bare}\n")
+        _run(program.format(ID))
 
 
 def _run(program):

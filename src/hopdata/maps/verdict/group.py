@@ -328,7 +328,8 @@ def conditions_said(conditions: pd.DataFrame, *, confidence: float = 0.95) -> st
         "maps.conditions_differ": [],
         "maps.conditions_alike": [],
     }
-    for row in conditions.to_dict("records"):
+    for one in conditions.to_dict("records"):
+        row = {str(name): value for name, value in one.items()}
         values = {
             "a": row["condition_a"],
             "b": row["condition_b"],
