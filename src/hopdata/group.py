@@ -118,7 +118,7 @@ def contacts_of(touchdowns: pd.DataFrame) -> dict[str, Any]:
             {"foot": name, "se_s": _known(error_s), "common_s": _known(common_s)}
         )
     ordered = timed[timed["schedule"].fillna("") != ""]
-    orders = []
+    orders: list[dict[str, Any]] = []
     for schedule, own in ordered.groupby("schedule"):
         sure = own["order_class"] != "ambiguous"
         order = with_foot_names(str(schedule), names)
