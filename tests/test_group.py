@@ -148,6 +148,55 @@ def test_the_size_at_the_contact_stands_beside_that_over_the_landings():
     )
 
 
+def in_conditions(number):
+    """Return rows of subjects that differ in one of two conditions."""
+    rows = []
+    for k, one in enumerate(made_up(2 * number)[1:]):
+        coupled = k % 2 == 0
+        squared = 0.5 + 0.01 * k if coupled else 0.0001 * k
+        more = {"subject": f"s{k // 2}", "condition": "coupled" if coupled else "c1"}
+        more |= {"squared": squared, "estimate": squared**0.5, "reason": ""}
+        more |= {"high": squared**0.5 + 0.1, "conclusion": "cannot tell"}
+        rows.append({**one, **more})
+    return rows
+
+
+def test_each_condition_has_its_own_answer_and_none_is_of_all():
+    """The rms of both, some 50 %, is true of neither."""
+    group = put_together(in_conditions(8), GROUP)
+    coupled, c1 = group["by_condition"]
+    assert group["effect"] is None
+    assert (coupled["conclusion"], c1["conclusion"]) == ("different", "no difference")
+    assert coupled["effect"]["estimate"] > 0.6 > 0.1 > c1["effect"]["estimate"]
+    assert group["conclusion"] == "different"
+    for one in group["by_condition"]:
+        assert (
+            f"{one['condition']}: Over {one['subjects']} subjects" in group["sentence"]
+        )
+        assert one["sentence"] in group["sentence"]
+    assert "conditions differ: coupled (" in group["sentence"]
+    figure = group_figure(group)
+    assert sorted(_marks(figure, "D")) == pytest.approx(
+        [100 * one["effect"]["estimate"] for one in (c1, coupled)]
+    )
+    names = [label.get_text() for label in figure.axes[0].get_yticklabels()]
+    assert names[-2:] == ["all, coupled", "all, c1"]
+    assert text_faults(figure) == []
+    page = build_group_page(group, [])
+    assert "Over the subjects of each condition" in page
+    assert "They are not pooled" in page
+
+
+def test_a_condition_of_few_subjects_has_no_size():
+    rows = [row for row in in_conditions(8) if row["subject"] < "s3"]
+    rows = [row for row in rows if (row["subject"], row["condition"]) != ("s1", "c1")]
+    coupled, c1 = put_together(rows, GROUP)["by_condition"]
+    assert (coupled["subjects"], c1["subjects"]) == (3, 2)
+    assert coupled["effect"] is not None
+    assert c1["effect"] is None
+    assert "3 subjects with an answer or more, found 2" in c1["sentence"]
+
+
 def _marks(figure, mark):
     """Return the places of all marks of this kind, per cent."""
     lines = [line for line in figure.axes[0].get_lines() if line.get_marker() == mark]

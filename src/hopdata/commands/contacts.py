@@ -121,7 +121,7 @@ def contacts(options: argparse.Namespace) -> int:
     name_apart(trials)
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
-        found = timed(trials, exclude=_spans(options.exclude))
+        found = timed(trials, exclude=_spans(options.exclude, options.reason))
     notes = _notes_of(trials)
     show(found, notes, places=_only_place(trials))
     answers.give(notes=[*notes, *found.remarks])
@@ -158,17 +158,28 @@ def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
     return (*map(str, trials[0].files), place_of(recording), recording.name)
 
 
-def _spans(given: Sequence[float] | None) -> list[tuple[float, float]]:
-    """Return the spans of ``--exclude``, s, as pairs."""
+def _spans(
+    given: Sequence[float] | None, given_reasons: Sequence[str] | None
+) -> list[tuple[float, float, str]]:
+    """Return the spans of ``--exclude``, s, with the reasons of ``--reason``."""
     numbers = list(given or ())
     if len(numbers) % 2:
         wanted = "begin and end of each span, s"
         raise ConfigError.at("--exclude", wanted, counted(len(numbers), "number"))
-    return list(zip(numbers[::2], numbers[1::2], strict=True))
+    n_spans = len(numbers) // 2
+    reasons = list(given_reasons or [""])
+    if given_reasons and not n_spans:
+        raise ConfigError.at("--reason", "spans of --exclude with it", "none")
+    if len(reasons) == 1:
+        reasons *= n_spans
+    if len(reasons) != n_spans:
+        wanted = f"one reason for all, or one for each of {n_spans} spans (in quotes)"
+        raise ConfigError.at("--reason", wanted, f"{len(reasons)}")
+    return list(zip(numbers[::2], numbers[1::2], reasons, strict=True))
 
 
 def timed(
-    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float]] = ()
+    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float, str]] = ()
 ) -> ContactTimes:
     """Return the contacts of some trials; those with the same feet are timed as one.
 
@@ -185,7 +196,7 @@ def timed(
     for group in alike.values():
         first = group[0]
         joined = tuple((str(one["name"]), (*one["markers"],)) for one in first.feet)
-        # Feet of one marker are those of the recording.
+        # Feet without a name of their own are those of the recording.
         recordings = [replace(trial.recording, joined=joined) for trial in group]
         files = [trial.files for trial in group]
         found = times_of(recordings, files=files, exclude=exclude, **first.options)
@@ -247,7 +258,7 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
 def _given_feet(
     given: Sequence[str] | None, file: Path, inspection: Inspection
 ) -> tuple[list[str], dict[str, list[str]]]:
-    """Return the markers of ``--feet``, and feet with several of them (NAME=A,B)."""
+    """Return the markers of ``--feet``, and those of feet with a name (NAME=A,B)."""
     feet: list[str] = []
     joined = {}
     for text in given or ():
@@ -259,7 +270,7 @@ def _given_feet(
             joined[name] = markers
         feet += markers
     _require_markers("--feet", file, feet, inspection)
-    return feet, {name: own for name, own in joined.items() if len(own) > 1}
+    return feet, {name: own for name, own in joined.items() if own != [name]}
 
 
 def _require_markers(

@@ -23,31 +23,49 @@ DOCUMENTATION = (
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
-# Causes of limits that have advice of their own.
-CAUSES = (
-    "landings",
-    "noise",
-    "posture",
-    "spread",
-    "drift",
-    "sections",
-    "saturation",
-    "orders",
-)
+# The advice on more landings.
+MORE_LANDINGS = "report.advice_landings"
 
-# Advice on a limit by its code, where it is not that of its cause.
+# The advice on a limit by its cause.
+OF_CAUSE = {
+    "landings": MORE_LANDINGS,
+    "noise": "report.advice_noise",
+    "posture": "report.advice_posture",
+    "spread": "report.advice_spread",
+    "drift": "report.advice_drift",
+    "sections": "report.advice_sections",
+    "saturation": "report.advice_saturation",
+    "orders": "report.advice_orders",
+}
+
+# The advice on a limit by its code, where it is not that of its cause.
 OF_CODE = {
-    "maps.limit_landings_no": "landings_no",
-    "maps.limit_spread": "far_apart",
-    ONE_ORDER: "one_order",
+    "maps.limit_landings_no": "report.advice_landings_no",
+    "maps.limit_spread": "report.advice_far_apart",
+    ONE_ORDER: "report.advice_one_order",
+}
+
+# What each of these limits is called where studies of a group are counted.
+LIMITS = {
+    "report.advice_landings": "report.limit_landings",
+    "report.advice_landings_no": "report.limit_landings_no",
+    "report.advice_spread": "report.limit_spread",
+    "report.advice_noise": "report.limit_noise",
+    "report.advice_posture": "report.limit_posture",
+    "report.advice_drift": "report.limit_drift",
+    "report.advice_sections": "report.limit_sections",
+    "report.advice_orders": "report.limit_orders",
+    "report.advice_one_order": "report.limit_one_order",
+    "report.advice_far_apart": "report.limit_far_apart",
+    "report.advice_saturation": "report.limit_saturation",
 }
 
 # Reasons why there is no number that name no limit: the advice on each.
 OF_REASON = {
-    "maps.copies": "copies",
-    "maps.body_at_rest": "still",
-    "maps.outcome_constant": "still",
-    "maps.too_few_feet": "feet",
+    "maps.copies": "report.advice_copies",
+    "maps.body_at_rest": "report.advice_still",
+    "maps.outcome_constant": "report.advice_still",
+    "maps.too_few_feet": "report.advice_feet",
 }
 
 # Feet of a body with a single kink.
@@ -70,45 +88,43 @@ def limits(verdict: Verdict | None) -> list[Limit]:
     known = verdict or {}
     causes = known.get("what_now") or []
     found = []
-    waiting = _names(causes)
+    waiting = _codes(causes)
     for cause in causes:
-        name = _advice_on(cause)
+        code = _advice_on(cause)
         advice: Message | str = ""
-        if name in waiting:
-            waiting.remove(name)
-            advice = Message(f"report.advice_{name}")
+        if code in waiting:
+            waiting.remove(code)
+            advice = Message(code)
         found.append(Limit(told(cause, str(cause.get("said", ""))), advice))
     if not found:
         found = _of_reasons(known)
     return found
 
 
-def _names(causes: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the names of the advice on these limits, each once."""
-    names = dict.fromkeys(_advice_on(cause) for cause in causes)
-    names.pop("", None)
-    if OF_CODE[ONE_ORDER] in names:
+def _codes(causes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the codes of the advice on these limits, each once."""
+    codes = dict.fromkeys(_advice_on(cause) for cause in causes)
+    codes.pop("", None)
+    if OF_CODE[ONE_ORDER] in codes:
         # More landings in the same order are of no use.
-        names.pop("landings", None)
-    return list(names)
+        codes.pop(MORE_LANDINGS, None)
+    return list(codes)
 
 
 def _advice_on(cause: Mapping[str, Any]) -> str:
-    """Return the name of the advice on a limit; empty if it names no known cause."""
-    if cause.get("code") in OF_CODE:
-        return OF_CODE[str(cause["code"])]
-    name = str(cause.get("cause"))
-    return name if name in CAUSES else ""
+    """Return the code of the advice on a limit; empty if it names no known cause."""
+    of_its_code = OF_CODE.get(str(cause.get("code")))
+    return of_its_code or OF_CAUSE.get(str(cause.get("cause")), "")
 
 
 def _of_reasons(verdict: Verdict) -> list[Limit]:
     """Return the reasons why there is no number, if they name no limit."""
     found = []
     for note in verdict.get("notes") or []:
-        name = OF_REASON.get(str(note.get("code")))
-        if name is not None:
+        code = OF_REASON.get(str(note.get("code")))
+        if code is not None:
             reason = told(note, str(note.get("reason", "")))
-            found.append(Limit(reason, Message(f"report.advice_{name}")))
+            found.append(Limit(reason, Message(code)))
     return found
 
 
@@ -151,10 +167,10 @@ def cannot_tell(verdict: Verdict | None) -> bool:
 
 def _what_stands(verdict: Verdict) -> Message:
     """Return what a study without an answer has shown all the same."""
-    name = "what_now_bound"
+    code = "report.what_now_bound"
     size = verdict.get("effect") or {}
     if size and size.get("upper_bound") is None:
-        name = "what_now_average"
+        code = "report.what_now_average"
         size = verdict.get("effect_over_landings") or {}
     if size.get("upper_bound") is None:
         return Message("report.what_now_without")
@@ -162,7 +178,7 @@ def _what_stands(verdict: Verdict) -> Message:
         "bound": percent(size["upper_bound"]),
         "confidence": show.percent(100 * verdict["confidence"]),
     }
-    return Message(f"report.{name}", values)
+    return Message(code, values)
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:
@@ -199,17 +215,16 @@ def limits_of_group(rows: Sequence[Mapping[str, Any]]) -> list[Limit]:
     for row in rows:
         if not row["reason"] and row["conclusion"] in ANSWERS:
             continue
-        for name in _names(row.get("what_now") or []):
-            subjects.setdefault(name, []).append(study_name(row))
+        for code in _codes(row.get("what_now") or []):
+            subjects.setdefault(code, []).append(study_name(row))
     ordered = sorted(subjects.items(), key=lambda item: -len(item[1]))
     found = []
-    for name, of_limit in ordered:
+    for code, of_limit in ordered:
         values = {
-            "limit": Message(f"report.limit_{name}"),
+            "limit": Message(LIMITS[code]),
             "studies": f"{len(of_limit)} of {len(rows)} studies ({_listed(of_limit)})",
         }
-        advice = Message(f"report.advice_{name}")
-        found.append(Limit(Message("report.group_limit", values), advice))
+        found.append(Limit(Message("report.group_limit", values), Message(code)))
     return found
 
 
