@@ -23,6 +23,7 @@ from hopdata.landings.contacts.remarks import contact_remarks, one_for_all_feet
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
+from hopdata.maps.verdict.inputs import LEAST_CLASS
 from hopdata.maps.verdict.limits import TWO_KINDS, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
 from hopdata.messages import Message
@@ -489,8 +490,10 @@ def _for_few_landings(
 def _for_one_order(forecast: Forecast) -> Iterator[Message]:
     """Yield advice if the landings have one contact order, or nearly so."""
     used = forecast.touchdowns[~forecast.touchdowns["excluded"]]
-    shares = used["schedule"].value_counts(normalize=True)
-    are_alike = shares.max() > MOST_ALIKE
+    counts = used["schedule"].value_counts()
+    are_alike = counts.max() > MOST_ALIKE * counts.sum()
     few_of_one = forecast.code in (TOO_FEW_ORDERS, TOO_FEW_LANDINGS) and are_alike
     if few_of_one or forecast.code == NO_TWO_FEET:
-        yield Message("commands.vary_the_order")
+        most = int(counts.max()) if len(counts) else 0
+        values = {"most": most, "used": len(used), "least": LEAST_CLASS}
+        yield Message("commands.vary_the_order", values)
