@@ -1,19 +1,13 @@
 """Which files hold the same trial."""
 
-import itertools
+from itertools import combinations
 
 import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
 
-from hopdata.recordings.readers.formats import read_raw
-from hopdata.recordings.same_trial import (
-    OTHER,
-    PROCESSED,
-    THE_SAME,
-    agreement,
-    compared_markers,
-)
+import hopdata as hd
+from hopdata.recordings.same_trial import OTHER, PROCESSED, THE_SAME, agreement
 
 
 def compared(one, other, names=MARKERS, rate_hz=100.0):
@@ -80,67 +74,61 @@ def test_a_short_filtered_piece_is_not_told_from_other_strides():
     assert compared(positions, filtered[100:200]) == OTHER
 
 
-# Steps of one runner: the same body and the same movement, 27 times.
-
-RUNNER_HZ = 150.0
-
-
 @pytest.fixture(scope="module")
 def steps(external_recording):
-    """Return names, and the positions of a runner's steps, 0.9 s each, m."""
-    raw = read_raw(external_recording)
-    kept = compared_markers(raw.markers)
-    names = [raw.markers[m] for m in kept]
-    positions = raw.positions[:, kept]
-    # A stride begins where the markers are as in the first one, about 0.7 s apart.
-    flat = np.nan_to_num(positions).reshape(len(positions), -1)
-    flat = flat - flat.mean(axis=0)
-    n_frames = 135
-    apart = np.array(
-        [
-            np.sum((flat[k : k + n_frames] - flat[200 : 200 + n_frames]) ** 2)
-            for k in range(len(flat) - n_frames)
-        ]
-    )
-    begins = [
-        k
-        for k in range(40, len(apart) - 40)
-        if apart[k] == apart[k - 40 : k + 40].min()
-    ]
-    return names, [positions[k : k + n_frames] for k in begins]
+    """Return single steps of a runner, which begin at the same phase, without gaps."""
+    runner = hd.read(external_recording)
+    frames = np.arange(len(runner.time))
+    tracks = runner.positions.reshape(len(frames), -1)
+    for track in tracks.T:
+        seen = np.isfinite(track)
+        track[~seen] = np.interp(frames[~seen], frames[seen], track[seen])
+    tracks = tracks.reshape(runner.positions.shape)
+    height = tracks[:, runner.markers.index("R_heel"), 2]
+    lowest = [n for n in frames[75:-90] if height[n] == height[n - 40 : n + 40].min()]
+    names = runner.markers
+    return names, [tracks[n - 52 : n + 83] for n in lowest][:9]
 
 
-def test_two_steps_of_one_runner_are_two_trials(steps):
+def test_two_steps_of_a_runner_are_two_trials(steps):
     names, tracks = steps
-    assert len(tracks) > 25
-    agree = [
-        agreement((names, names), pair, (RUNNER_HZ, RUNNER_HZ))
-        for pair in itertools.combinations(tracks[:16], 2)
-    ]
-    assert set(agree) == {OTHER}
+    rates = (150.0, 150.0)
+    assert len(tracks) == 9
+    for one, other in combinations(tracks, 2):
+        assert agreement((names, names), (one, other), rates) == OTHER
 
 
-@pytest.mark.parametrize("which", [0, 7, 14])
-def test_a_step_that_was_processed_is_the_same_trial(steps, which):
+@pytest.mark.parametrize("cutoff_hz", [6, 12])
+def test_a_filtered_step_of_a_runner_is_the_same_step(steps, cutoff_hz):
+    from scipy.signal import butter, sosfiltfilt
+
+    names, tracks = steps
+    rates = (150.0, 150.0)
+    low_pass = butter(2, cutoff_hz, fs=150, output="sos")
+    for one in tracks:
+        filtered = 1e3 * sosfiltfilt(low_pass, one, axis=0)
+        found = agreement((names, names), (one, filtered), rates)
+        assert found in (PROCESSED, THE_SAME)
+
+
+@pytest.mark.parametrize("which", [0, 4, 8])
+def test_a_step_that_was_processed_is_the_same_step(steps, which):
     from scipy.signal import butter, sosfiltfilt
 
     names, tracks = steps
     step = tracks[which]
-    at = np.arange(len(step))
-    filled = step.copy()
-    for m, axis in np.ndindex(step.shape[1:]):
-        seen = np.isfinite(step[:, m, axis])
-        filled[:, m, axis] = np.interp(at, at[seen], step[seen, m, axis])
-    smooth = sosfiltfilt(butter(2, 6, fs=RUNNER_HZ, output="sos"), filled, axis=0)
+    smooth = sosfiltfilt(butter(2, 6, fs=150, output="sos"), step, axis=0)
     turned = 1e-3 * smooth[..., [0, 2, 1]] * [1, 1, -1]
     with_gaps = step.copy()
     with_gaps[20:32, 3] = np.nan
     with_gaps[70:90, 8] = np.nan
-    at_rate = (RUNNER_HZ, RUNNER_HZ)
-    assert agreement((names, names), (step, smooth), at_rate) == PROCESSED
-    assert agreement((names, names), (with_gaps, turned), at_rate) == PROCESSED
-    assert agreement((names, names), (step, turned[15:-15]), at_rate) == PROCESSED
+    rates = (150.0, 150.0)
+    assert agreement((names, names), (with_gaps, turned), rates) == PROCESSED
+    assert agreement((names, names), (step, turned[15:-15]), rates) == PROCESSED
     few = names[::2]
-    assert agreement((names, few), (step, smooth[:, ::2]), at_rate) == PROCESSED
-    halved = (RUNNER_HZ, RUNNER_HZ / 2)
-    assert agreement((names, names), (step, smooth[::2]), halved) == PROCESSED
+    assert agreement((names, few), (step, smooth[:, ::2]), rates) == PROCESSED
+    slower = (150.0, 75.0)
+    assert agreement((names, names), (step, smooth[::2]), slower) == PROCESSED
+    # At another rate, another step is another step.
+    other = tracks[which - 1]
+    assert agreement((names, names), (other, smooth[::2]), slower) == OTHER

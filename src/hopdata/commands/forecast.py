@@ -332,6 +332,8 @@ def describe(
     lines += [f"  note      {remark}" for remark in forecast.contact_remarks]
     if forecast.kinds:
         lines.append(f"  note      {TWO_KINDS} {forecast.kinds}")
+    if len(feet) == MIN_FEET:
+        lines.append(f"  note      {Message('maps.little_power')}")
     lines.append(f"  verdict   {reach(forecast, config)}")
     for change in changes(forecast, config, recordings):
         lines.append(f"  change    {change}")

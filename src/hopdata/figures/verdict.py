@@ -474,12 +474,15 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     rows = [row for row in group["members"] if not row["reason"]]
     if not rows:
         return style.message_figure(group["sentence"], width_mm=style.WIDEST_PANEL_MM)
+    # Those of a condition below each other, as their sizes over all subjects are.
+    conditions = [one["condition"] for one in group.get("by_condition", [])]
+    if conditions:
+        rows.sort(key=lambda row: conditions.index(row["condition"]))
     some_saturate = any(_saturates(row) for row in rows)
     places: list[float] = [float(number) for number in range(len(rows))]
     height_mm = 18.0 + MEMBER_MM * len(rows)
-    if group["effect"]:
-        whole = {"name": "all", "conclusion": group["conclusion"], "of_all": True}
-        rows.append(group["effect"] | whole)
+    for whole in wholes(group):
+        rows.append(whole)
         places.append(len(places) + 0.5)
         height_mm += 1.5 * MEMBER_MM
     figure = style.paper_figure(style.WIDEST_PANEL_MM, height_mm)
@@ -500,11 +503,22 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
         look |= {"markersize": 4, **AT_CONTACT}
         axes.plot([], [], label="where all feet touch at once", **look)
         figure.legend(loc="outside upper left", ncols=2)
-    axes.set_yticks(places, [_name_of(row) for row in rows])
+    axes.set_yticks(places, [name_of(row) for row in rows])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * max(top, group["margin"]))
     axes.set_xlabel(f"{ASKED} (% of the map)")
     return figure
+
+
+def wholes(group: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the size over all subjects, or that of each condition, as rows."""
+    found = []
+    for one in [group, *group.get("by_condition", [])]:
+        if one["effect"]:
+            name = {"name": "all", "condition": one.get("condition", "")}
+            of_all = {"conclusion": one["conclusion"], "of_all": True}
+            found.append({**one["effect"], **name, **of_all})
+    return found
 
 
 def _top_of_group(rows: Sequence[Mapping[str, Any]], margin: float) -> float:
@@ -597,7 +611,7 @@ def _write_jump(axes: Axes, row: Mapping[str, Any], place: float) -> None:
     style.note(axes, words, (0.0, place), (4, 0), **look)
 
 
-def _name_of(row: Mapping[str, Any]) -> str:
+def name_of(row: Mapping[str, Any]) -> str:
     """Return the subject of a row, and its condition if it has one."""
     name = row.get("subject", row["name"])
     condition = row.get("condition")
