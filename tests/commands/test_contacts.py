@@ -13,7 +13,13 @@ from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.__main__ import main
-from hopdata.commands.contacts import Trial, _is_of_maps, name_apart, one_of_a_kind
+from hopdata.commands.contacts import (
+    Trial,
+    _is_of_maps,
+    _notes_of,
+    name_apart,
+    one_of_a_kind,
+)
 from hopdata.commands.contacts_instead import write_few
 from hopdata.config.loading import load_config
 from hopdata.messages import Message
@@ -287,6 +293,25 @@ def test_a_name_that_another_file_has_is_not_given_to_a_second():
     name_apart(trials)
     names = [one.recording.name for one in trials]
     assert names == ["jump", "jump_3", "jump_2", "jump_4"]
+
+
+def test_what_is_true_of_several_files_is_told_once():
+    """Only the files before the notes differ; a note without a file stays as it is."""
+    one = Recording.from_arrays(
+        [0.0, 0.01], np.zeros((2, 1, 3)), ["toe"], feet=["toe"], body=[], name="jump"
+    )
+    notes = ("feet guessed: toe", "one of its own")
+    trials = [
+        Trial(one, (Path(name),), notes=tuple(f"{name}: {note}" for note in notes[:n]))
+        for name, n in (("a.c3d", 1), ("b.c3d", 2), ("c.c3d", 1))
+    ]
+    assert _notes_of(trials) == [
+        "a.c3d and 2 other files: feet guessed: toe",
+        "b.c3d: one of its own",
+    ]
+    assert _notes_of([Trial(one, (Path("d.c3d"),), notes=("as it is",))]) == [
+        "as it is"
+    ]
 
 
 BODY = ("hip1", "hip2", "hip3")

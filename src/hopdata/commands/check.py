@@ -141,6 +141,7 @@ def _with_line(error: RecordingError, config: str) -> str:
 
 def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str]:
     """Return what should be known of a study's recordings: faults, what is unsure."""
+    from hopdata.commands.contacts import one_of_a_kind
     from hopdata.config.consistency import effect_methods
     from hopdata.landings.effects import Methods, study_effects
     from hopdata.landings.floor import moving
@@ -150,7 +151,7 @@ def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str
     effects = study_effects(recordings, Methods(**effect_methods(config)))
     remarks = []
     for recording, of_recording in zip(recordings, effects, strict=True):
-        remarks += [str(note) for note in notes(recording)]
+        remarks += one_of_a_kind(recording, notes(recording))
         remarks += [f"{place_of(recording)}: {effect}" for effect in of_recording]
         remarks += _suspects(recording, config["input"]["rate_hz"])
         floor_moves = moving(recording)

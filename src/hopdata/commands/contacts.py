@@ -122,11 +122,30 @@ def contacts(options: argparse.Namespace) -> int:
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
         found = timed(trials, exclude=_spans(options.exclude, options.reason))
-    notes = [note for trial in trials for note in trial.notes]
+    notes = _notes_of(trials)
     show(found, notes, places=_only_place(trials))
     answers.give(notes=[*notes, *found.remarks])
     _write(options, trials, found)
     return terminal.OK if len(found.found) else terminal.PROBLEM
+
+
+def _notes_of(trials: Sequence[Trial]) -> list[str]:
+    """Return the notes of all trials; what is true of several files is told once."""
+    places: dict[str, list[str]] = {}
+    for trial in trials:
+        for note in trial.notes:
+            own = [str(file) for file in trial.files if note.startswith(f"{file}: ")]
+            place = own[0] if own else ""
+            places.setdefault(note.removeprefix(f"{place}: "), []).append(place)
+    told = []
+    for text, files in places.items():
+        named = [file for file in files if file]
+        if len(named) > 1:
+            values = {"first": named[0], "files": counted(len(named) - 1, "other file")}
+            told.append(f"{Message('commands.files_alike', values)}: {text}")
+        else:
+            told += [f"{file}: {text}" if file else text for file in files]
+    return told
 
 
 def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:

@@ -344,9 +344,11 @@ FEET_END = 52.0
 BARS = (54.0, 63.0)
 LINES = (75.0, 82.0)
 MAP = 91.0
-# Width of a character of a foot's name, and of its mark, in the same unit.
-CHARACTER = 1.7
+# Size of the letters of a foot's name, width of its mark, and least room after a name,
+# in the same unit.
+LETTERS = 3.1
 MARK = 2.4
+AFTER_NAME = 0.4
 ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
 
 
@@ -383,7 +385,8 @@ def _draw_orders(
     rows = len(orders[:MOST_ORDERS])
     most = int(counts.max()) if rows else 1
     step = FEET_END / max(n_feet, 1)
-    has_names = MARK + CHARACTER * max(map(len, names), default=0) < step
+    longest = max(map(_width_of, names), default=0.0)
+    has_names = MARK + longest + AFTER_NAME < step
     size: Any = {"va": "center_baseline"}
     for k in range(n_feet):
         axes.text(step * k, -1.0, ORDINALS[k], **size)
@@ -418,6 +421,13 @@ def _draw_orders(
         columns = min(3, len(names))
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, 0.0),
                     ncols=columns, frameon=False)  # fmt: skip
+
+
+def _width_of(name: str) -> float:
+    """Return the width of a foot's name, in hundredths of the panel."""
+    from matplotlib.textpath import TextPath
+
+    return float(TextPath((0.0, 0.0), name, size=LETTERS).get_extents().width)
 
 
 def _draw_count(axes: Axes, row: int, count: int, most: int) -> None:

@@ -62,7 +62,9 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
         join(found, sides(drawn.querySelector(`${clip.slice(4, -1)} rect`)));
       return found;
     };
-    // The columns of a legend that is wider than the window, as many beside each other as fit.
+    // The columns of a legend for which the window is too narrow, as many beside each other as fit. Its letters
+    // are small, so it is to be enlarged as panels are (.part in report.css).
+    const enlarged = 0.8 * room / 1.2;
     const columnsOf = (legend) => {
       const columns = [];
       for (const one of [...legend.children].map(boxed)) {
@@ -72,7 +74,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       }
       columns.sort((one, other) => one.left - other.left);
       return columns.reduce((rows, one) => {
-        if (rows.length && one.right - rows.at(-1).left <= 0.8 * room) join(rows.at(-1), one);
+        if (rows.length && one.right - rows.at(-1).left <= enlarged) join(rows.at(-1), one);
         else rows.push(one);
         return rows;
       }, []);
@@ -88,7 +90,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       const beside = found.filter((other) => other.left >= one.right - 2).sort((a, b) => a.left - b.left)[0];
       const column = upright ? beside : found.find((other) => within(one, other));
       if (column) join(column, one);
-      else if (one.right - one.left > 0.8 * room) found.push(...columnsOf(one.of[0])); // its letters are small as it is
+      else if (one.right - one.left > enlarged) found.push(...columnsOf(one.of[0]));
       else found.push(one);
     }
     for (const half of inside(group, ["subfigure"])) {
