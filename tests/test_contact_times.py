@@ -22,6 +22,7 @@ from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
 from hopdata.messages import Message, Messages
 from hopdata.recordings.wording import also
+from hopdata.recordings.writers.contact_events import labels
 
 RATE_HZ = 200.0
 GRAVITY = 9.81
@@ -193,6 +194,16 @@ def test_events_are_the_contacts_that_can_be_trusted():
     assert found.events() == events
     with pytest.raises(ArgumentError, match="expected one of walk, found 'another'"):
         found.events("another")
+
+
+def test_events_of_four_feet_have_side_and_name():
+    names = ("LF_TOE", "RF_TOE", "LH_TOE", "RH_TOE")
+    starts = zip(names, ([1.0], [1.02], [1.1], [1.13]), strict=True)
+    events = contacts(walking(dict(starts))).events("walk")
+    assert [event.foot for event in events] == list(names)
+    assert [event.context for event in events] == ["Left", "Right"] * 2
+    told = zip(names, labels(events), strict=True)
+    assert all(name in label for name, label in told)
 
 
 def test_curves_surround_the_contacts():

@@ -112,6 +112,19 @@ def test_markers_are_joined_to_a_foot_and_the_first_counts(recording, tmp_path, 
     assert set(pd.read_csv(events)["context"]) == {"Left", "Right"}
 
 
+def test_files_are_written_before_anything_is_printed(recording, monkeypatch):
+    # A pipe into `head` ends the command with the first lines.
+    there = []
+
+    def show(*_given, **_options):
+        there.extend(file.name for file in Path().glob("*.csv"))
+
+    monkeypatch.setattr("hopdata.commands.contacts.show", show)
+    given = ["contacts", str(recording), "--out", "c.csv", "--events", "csv"]
+    assert main(given) == 0
+    assert {"c.csv", "c_orders.csv", f"{recording.stem}_contacts.csv"} <= {*there}
+
+
 def test_tables_and_page_are_written(recording, tmp_path, capsys):
     out = tmp_path / "new" / "contacts.csv"
     page = tmp_path / "contacts.html"

@@ -48,7 +48,7 @@ def test_a_lab_becomes_a_group_with_all_its_trials_and_nothing_else(initialised)
     content = read_yaml("config/mylab.yaml")
     assert content["samples"] == "config/mylab.tsv"
     assert content["markers"]["feet"] == ["toe1", "toe2", "toe3"]
-    assert "  6 of 14 files are trials with landings" in out
+    assert "  6 of 14 files are in the study: trials with landings, each once" in out
     assert "  3 subjects, by folder" in out
 
 
@@ -164,7 +164,7 @@ def test_trials_in_which_nothing_lands_are_left_out(folder, capsys):
     assert main(["init", "day"]) == 0
     out = capsys.readouterr().out
     assert "left out: carried.c3d: " in out
-    assert "1 of 2 files are trials with landings" in out
+    assert "1 of 2 files are in the study" in out
 
 
 def test_a_copy_under_another_name_counts_once(folder, capsys):
@@ -172,7 +172,14 @@ def test_a_copy_under_another_name_counts_once(folder, capsys):
     shutil.copy(folder / "a.c3d", folder / "z.c3d")
     write_c3d(folder / "b.c3d", trial(2, n_frames=300))
     assert main(["init", "day"]) == 0
-    assert "left out: z.c3d: the same positions as in a.c3d" in capsys.readouterr().out
+    told = "left out: z.c3d: the same positions as in a.c3d"
+    printed = capsys.readouterr().out
+    assert told in printed
+    assert "--keep-copies keeps them" in printed
+    assert main(["init", "day", "--force", "--keep-copies"]) == 0
+    printed = capsys.readouterr().out
+    assert "--keep-copies" not in printed
+    assert "3 of 3 files are in the study" in printed
 
 
 def test_a_folder_goes_from_init_over_check_to_run(folder, capfd):

@@ -109,3 +109,26 @@ def test_a_filtered_step_of_a_runner_is_the_same_step(steps, cutoff_hz):
         filtered = 1e3 * sosfiltfilt(low_pass, one, axis=0)
         found = agreement((names, names), (one, filtered), rates)
         assert found in (PROCESSED, THE_SAME)
+
+
+@pytest.mark.parametrize("which", [0, 4, 8])
+def test_a_step_that_was_processed_is_the_same_step(steps, which):
+    from scipy.signal import butter, sosfiltfilt
+
+    names, tracks = steps
+    step = tracks[which]
+    smooth = sosfiltfilt(butter(2, 6, fs=150, output="sos"), step, axis=0)
+    turned = 1e-3 * smooth[..., [0, 2, 1]] * [1, 1, -1]
+    with_gaps = step.copy()
+    with_gaps[20:32, 3] = np.nan
+    with_gaps[70:90, 8] = np.nan
+    rates = (150.0, 150.0)
+    assert agreement((names, names), (with_gaps, turned), rates) == PROCESSED
+    assert agreement((names, names), (step, turned[15:-15]), rates) == PROCESSED
+    few = names[::2]
+    assert agreement((names, few), (step, smooth[:, ::2]), rates) == PROCESSED
+    slower = (150.0, 75.0)
+    assert agreement((names, names), (step, smooth[::2]), slower) == PROCESSED
+    # At another rate, another step is another step.
+    other = tracks[which - 1]
+    assert agreement((names, names), (other, smooth[::2]), slower) == OTHER

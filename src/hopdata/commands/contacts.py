@@ -123,9 +123,12 @@ def contacts(options: argparse.Namespace) -> int:
     with terminal.progress_line("timing contacts"):
         found = timed(trials, exclude=_spans(options.exclude, options.reason))
     notes = _notes_of(trials)
+    # Written before anything is printed: what reads it, as `head`, may end early.
+    written = _write(options, trials, found)
     show(found, notes, places=_only_place(trials))
     answers.give(notes=[*notes, *found.remarks])
-    _write(options, trials, found)
+    for line in written:
+        print(line)
     return terminal.OK if len(found.found) else terminal.PROBLEM
 
 
@@ -558,22 +561,25 @@ def _orders_beside(out: Path) -> Path:
 
 def _write(
     options: argparse.Namespace, trials: Sequence[Trial], found: ContactTimes
-) -> None:
-    """Write what was asked for, and say where it is."""
+) -> list[str]:
+    """Write what was asked for; return lines that say where it is."""
     answers.give(table=options.out, page=options.html)
+    lines = []
     if options.out is not None:
-        _write_tables(options.out, found)
+        lines += _write_tables(options.out, found)
     if options.html is not None:
         _write_page(options.html, trials, found)
+        lines.append(f"page: {options.html}")
     for kind in options.events or ():
         for trial in trials:
             for path in write_events(kind, trial, found, options):
                 answers.give_also("events", format=kind, file=path)
-                print(f"events: {path}")
+                lines.append(f"events: {path}")
+    return lines
 
 
-def _write_tables(file: Path, found: ContactTimes) -> None:
-    """Write the table of contacts, and that of orders beside it.
+def _write_tables(file: Path, found: ContactTimes) -> list[str]:
+    """Write the table of contacts, and that of orders beside it; say where they are.
 
     Where no two feet land together, as in a run, there are no orders and no file. One
     of an earlier call, which may be replaced, is deleted.
@@ -583,13 +589,15 @@ def _write_tables(file: Path, found: ContactTimes) -> None:
     has_orders = bool((found.orders["feet"] > 1).any())
     if has_orders:
         tables["orders"] = (of_orders, found.orders)
+    lines = []
     for kind, (path, table) in tables.items():
         text = table.to_csv(index=False, float_format="%.7g")
         terminal.write_text(path, text)
-        print(f"{kind}: {path}")
+        lines.append(f"{kind}: {path}")
     if not has_orders:
         of_orders.unlink(missing_ok=True)
-        print("orders: none, since each landing is of one foot")
+        lines.append("orders: none, since each landing is of one foot")
+    return lines
 
 
 def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> None:
@@ -603,7 +611,6 @@ def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> Non
     with terminal.progress_line("drawing the page"):
         page = contacts_html(found, title=title, notes=notes, places=places)
     terminal.write_text(file, page)
-    print(f"page: {file}")
 
 
 def write_events(

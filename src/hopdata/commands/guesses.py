@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
@@ -20,6 +21,9 @@ def inspected(options: argparse.Namespace) -> Inspection:
     options : Namespace
         With ``file``, ``unit``, ``vertical_axis`` and ``rate``.
     """
+    from hopdata.commands.run import bring_recording
+
+    bring_recording(Path(options.file))
     with terminal.progress_line(f"reading {options.file}") as progress:
         return inspected_file(
             options.file,

@@ -36,6 +36,9 @@ MOST_TRIED = 3
 # Files that are listed on the terminal; the configuration lists all.
 MOST_LISTED = 20
 
+# Reasons to leave a file out that --keep-copies overrides.
+COPIES = ("recordings.lab_twice", "recordings.lab_processed")
+
 # Columns of the table of samples.
 COLUMNS = ("subject", "session", "recording", "file")
 
@@ -101,6 +104,7 @@ def _init_folder(options: argparse.Namespace) -> int:
         lab = survey(
             folder,
             rate_hz=options.rate,
+            keeps_copies=options.keep_copies,
             progress=progress,
         )
         if not lab.trials:
@@ -369,6 +373,8 @@ def _notes(
     if ignored:
         counted = [f"{number} {suffix}" for suffix, number in ignored.items()]
         notes.append(Message("commands.folder_ignored", {"files": ", ".join(counted)}))
+    if any(one.reason.code in COPIES for one in choice.left_out):
+        notes.append(Message("commands.folder_copies"))
     for one in choice.left_out:
         notes.append(Message("commands.folder_left_out", {"file": one.message()}))
     return notes

@@ -317,6 +317,13 @@ def bring_bundled(config: Path) -> None:
         _bring(file)
 
 
+def bring_recording(file: Path) -> None:
+    """Copy a recording of the sample to the place by which pages name it."""
+    is_of_sample = file.parent == Path("data/sample") and not file.is_absolute()
+    if is_of_sample and not file.exists() and (SNAKEFILE.parent / file).is_file():
+        _bring(file)
+
+
 def _bring(file: Path) -> None:
     """Copy a bundled file to the place named by its configuration."""
     source = SNAKEFILE.parent / file

@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.errors import counted
 from hopdata.landings import schedules
-from hopdata.landings.contact_feet import side_of
+from hopdata.landings.contact_feet import sides_of
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.law import UNDETERMINED_S
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
@@ -166,9 +166,11 @@ def _is_unseen(recording: Recording, landings: pd.DataFrame, foot: str) -> BoolA
 def contact_rows(recording: Recording, landings: pd.DataFrame) -> list[tuple[Any, ...]]:
     """Return the rows of `ContactTimes.table` of one recording."""
     rows = []
+    feet = recording.names("foot")
+    side_of = dict(zip(feet, sides_of(feet), strict=True))
     for number, landing in enumerate(landings.to_dict("records"), start=1):
         of_landing = []
-        for foot in recording.names("foot"):
+        for foot in feet:
             status = int(landing[f"status_{foot}"])
             if status in (descents.ALREADY_DOWN, descents.NOT_LANDED):
                 continue
@@ -186,7 +188,7 @@ def contact_rows(recording: Recording, landings: pd.DataFrame) -> list[tuple[Any
                     recording.name,
                     number,
                     foot,
-                    side_of(foot),
+                    side_of[foot],
                     instant,
                     se_s,
                     landing[f"common_{foot}_s"],
