@@ -44,7 +44,7 @@ def plan(options: argparse.Namespace) -> int:
     jumps = jump.get("low", 0.0) > 0.0
     require_lasting(verdict.get("conclusion", ""), saturates=saturates, jumps=jumps)
     detectable, allowed, detectable_nearest, allowed_nearest = _sizes(file, effect)
-    found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
+    found = f"{100 * detectable:.3g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
     if saturates:
         print(
