@@ -508,7 +508,9 @@ def test_the_methods_paragraph_says_what_the_probability_of_an_order_is():
     n_sure = int(found.orders["sure"].sum())
     text = found.methods().text
     assert "independent normal errors with the standard errors" in text
-    assert f"{n_sure} have a sure order" in text
+    assert f"{n_sure} have a sure order (a probability of 0.9 or more" in text
+    surer = contacts(walking(together, bob_m=0.02), sure=0.999).methods().text
+    assert "a probability of 0.999 or more" in surer
     assert "force plate" not in text, "there is none"
     alone = contacts(walking(truth)).methods().text
     assert "sure order" not in alone

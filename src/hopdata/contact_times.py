@@ -106,6 +106,8 @@ class ContactTimes(Shown):
         The recordings, levelled: each foot rests at height 0.
     method : str
         The method that timed them (`hopdata.landings.contacts.timing.METHODS`).
+    sure_from : float
+        Probability from which on an order is sure.
     """
 
     table: pd.DataFrame
@@ -113,6 +115,7 @@ class ContactTimes(Shown):
     messages: Messages
     recordings: tuple[Recording, ...]
     method: str = "kink"
+    sure_from: float = SURE
 
     @property
     def found(self) -> pd.DataFrame:
@@ -181,6 +184,7 @@ class ContactTimes(Shown):
             recordings=self.recordings,
             messages=self.messages,
             method=self.method,
+            sure=self.sure_from,
         )
 
     def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -436,6 +440,7 @@ def contacts(
         messages=Messages(remarks),
         recordings=tuple(levelled),
         method=options.get("method", "kink"),
+        sure_from=sure,
     )
 
 
@@ -545,6 +550,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
         messages=Messages(remark for part in parts for remark in part.messages),
         recordings=tuple(recordings[name] for name in names),
         method=parts[0].method,
+        sure_from=parts[0].sure_from,
     )
 
 

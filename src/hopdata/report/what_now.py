@@ -263,6 +263,8 @@ def advice_to_group(group: Mapping[str, Any]) -> list[Message]:
             "confidence": show.percent(100 * group["confidence"]),
         }
         said.append(Message("report.group_stands_bound", values))
+    elif any(one["effect"] for one in group.get("by_condition", [])):
+        said.append(Message("report.group_stands_conditions"))
     elif feet:
         said.append(Message("report.group_stands_contacts"))
     return said

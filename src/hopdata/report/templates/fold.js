@@ -66,9 +66,12 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
     // are small, so it is to be enlarged as panels are (.part in report.css).
     const enlarged = 0.8 * room / 1.2;
     const columnsOf = (legend) => {
-      const columns = [];
-      for (const one of [...legend.children].map(boxed)) {
-        const beside = columns.find((other) => one.left < other.right && other.left < one.right + 12);
+      const columns = [], entry = []; // a handle, then its text
+      for (const part of legend.children) {
+        entry.push(boxed(part));
+        if (!/^text/.test(part.id)) continue;
+        const one = entry.splice(0).reduce((whole, more) => (join(whole, more), whole));
+        const beside = columns.find((other) => one.left < other.right && other.left < one.right);
         if (beside) join(beside, one);
         else columns.push(one);
       }
