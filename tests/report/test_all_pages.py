@@ -25,7 +25,7 @@ from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 from hopdata.report.scene import recording_scene
 from hopdata.steering.report.page import build_steering_report
-from test_group import GROUP, landed, made_up
+from test_group import GROUP, landed, made_up, undecided
 
 #: A path that has no place to break.
 LONG_NOTE = f"/recordings/{'long' * 20}.txt: time stamps run evenly"
@@ -84,6 +84,7 @@ def pages():
         "view": rendered("view.html.j2", title="monday", told="7", scene=scene),
         "first look": rendered("first_look.html.j2", pictures=[first]),
         "group": group_page(12),
+        "undecided": build_group_page(put_together([undecided("a")], GROUP), []),
         "large group": group_page(30, one_by_one=False),
         "steering": build_steering_report(full_steering()),
     }
