@@ -134,6 +134,7 @@ docs: $(VENV)/.run
 	$(BIN)/hopdata config-docs --out docs/configuration.md
 	$(BIN)/python benchmarks/constants.py page
 	$(BIN)/python packaging/troubleshooting.py
+	$(BIN)/python packaging/cannot_tell.py
 
 site: $(VENV)/.docs
 	rm -rf build/site

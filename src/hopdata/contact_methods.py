@@ -131,7 +131,10 @@ def _of_messages(messages: Sequence[Message]) -> Iterator[Message]:
     """Say what was left out, and how contacts compare with force plates."""
     for one in messages:
         if one.code == "landings.spans_excluded":
-            yield Message("report.contacts_excluded", one.values)
+            why: Any = ""
+            if not one.values["all_have_reasons"]:
+                why = Message("report.contacts_excluded_why")
+            yield Message("report.contacts_excluded", {**one.values, "why": why})
         if one.code == "landings.contacts_beside_plates":
             yield Message("report.contacts_plates", one.values)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -61,6 +62,8 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
 
     reason = ""
     study = Study(load_config(member["config"]))
+    # They are known even if the rest of the study fails.
+    row["contacts"] = contacts_of(study.touchdowns)
     verdict = study.verdict
     if verdict.effect is None:
         reason = "; ".join(note["reason"] for note in verdict.notes)
@@ -83,7 +86,62 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     row["landings_needed"] = verdict.landings_needed
     row["decided_by"] = verdict.decided_by
     row["quality"] = [[check["what"], check["status"]] for check in checks]
+    row["what_now"] = list(verdict.what_now)
     return reason
+
+
+def contacts_of(touchdowns: pd.DataFrame) -> dict[str, Any]:
+    """Return what is known of the contacts of a study, whatever its verdict.
+
+    Parameters
+    ----------
+    touchdowns : DataFrame
+        The table of touchdowns of the study.
+
+    Returns
+    -------
+    dict
+        ``landings``, those in which a foot of the study lands; ``timed``, those of them
+        whose contacts are all known, also if the maps do not use them; ``feet``, a list
+        of ``foot``, ``se_s`` (median standard error, s) and ``common_s`` (error that
+        all contacts of the foot may share, s), None if not known; ``orders``, a list of
+        ``order``, ``seen`` and ``sure`` (landings), the most frequent first.
+    """
+    from hopdata.feet import foot_names, with_foot_names
+
+    names = foot_names(touchdowns.columns)
+    instants = touchdowns[[f"contact_{name}_s" for name in names]]
+    timed = touchdowns[instants.notna().all(axis=1)]
+    landed = instants.notna().any(axis=1)
+    feet = []
+    for name in names:
+        error_s = timed[f"se_{name}_s"].median() if f"se_{name}_s" in timed else None
+        common_s = None
+        if f"common_{name}_s" in timed:
+            common_s = timed[f"common_{name}_s"].max()
+        feet.append(
+            {"foot": name, "se_s": _known(error_s), "common_s": _known(common_s)}
+        )
+    ordered = timed[timed["schedule"].fillna("") != ""]
+    orders: list[dict[str, Any]] = []
+    for schedule, own in ordered.groupby("schedule"):
+        sure = own["order_class"] != "ambiguous"
+        order = with_foot_names(str(schedule), names)
+        orders.append({"order": order, "seen": len(own), "sure": int(sure.sum())})
+    orders.sort(key=lambda one: (-one["seen"], one["order"]))
+    return {
+        "landings": int(landed.sum()),
+        "timed": len(timed),
+        "feet": feet,
+        "orders": orders,
+    }
+
+
+def _known(value: float | None) -> float | None:
+    """Return a number that JSON can hold; None if it is not known."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(value)
 
 
 def _write_page_without_answer(name: str, reason: str, folder: Path) -> None:

@@ -100,6 +100,10 @@ def test_markers_are_joined_to_a_foot_and_the_first_counts(recording, tmp_path, 
     first = of_apart[of_apart["foot"] != "toe3"].groupby("landing")["contact_s"].min()
     of_left = of_joined[of_joined["foot"] == "left"].set_index("landing")["contact_s"]
     assert np.abs(first - of_left).max() < 0.004
+    given = ["--feet", "left=toe1", "right=toe3", "--events", "csv"]
+    assert main(["contacts", str(recording), *given]) == 0
+    (events,) = Path().glob("*_contacts.csv")
+    assert set(pd.read_csv(events)["context"]) == {"Left", "Right"}
 
 
 def test_tables_and_page_are_written(recording, tmp_path, capsys):
@@ -175,6 +179,13 @@ def test_frames_of_a_span_can_count_as_unseen(recording, tmp_path, capsys):
     assert len(kept) > 0.6 * len(instants)
     assert main([*given, "--exclude", span[0]]) == 1
     assert "begin and end of each span" in capsys.readouterr().err
+    reasons = ["--reason", "one", "two"]
+    assert main([*given, "--exclude", *span, *reasons]) == 1
+    assert "one for each of 1 spans" in capsys.readouterr().err
+    assert main([*given, "--exclude", *span, "--reason", "a shoe came off"]) == 0
+    assert "s (a shoe came off) count as unseen" in capsys.readouterr().out
+    assert main([*given, "--reason", "none"]) == 1
+    assert "spans of --exclude with it" in capsys.readouterr().err
 
 
 def test_a_marker_that_is_not_there_is_refused(recording, capsys):

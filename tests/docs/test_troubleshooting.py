@@ -4,6 +4,7 @@ import importlib.util
 import re
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from hopdata import messages
@@ -13,13 +14,55 @@ CODE = re.compile(r"`([a-z]+\.[a-z]\w+)`")
 QUALITY = re.compile(r"quality: \*([^*]+)\*")
 
 
-@pytest.fixture(scope="module")
-def page():
-    path = ROOT / "packaging" / "troubleshooting.py"
-    spec = importlib.util.spec_from_file_location("troubleshooting", path)
+def packaging(name):
+    path = ROOT / "packaging" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def page():
+    return packaging("troubleshooting")
+
+
+@pytest.fixture(scope="module")
+def cannot_tell():
+    return packaging("cannot_tell")
+
+
+def test_the_page_on_limits_has_the_advice_of_the_report(cannot_tell):
+    text = cannot_tell.PAGE.read_text("utf-8")
+    assert text == cannot_tell.written(text), "run: make docs"
+    placed = {name for _, name, _ in cannot_tell.PLACE.findall(text)}
+    known = set(cannot_tell.advice())
+    assert placed <= known
+    assert known - placed == {"feet"}, "advice that the page's first table gives"
+
+
+def test_other_advice_is_noticed(cannot_tell):
+    text = cannot_tell.PAGE.read_text("utf-8")
+    other = text.replace("Give one export", "Give two exports")
+    assert other != text == cannot_tell.written(other)
+
+
+def test_the_advice_on_two_feet_is_that_of_the_campaign(cannot_tell):
+    """Of C1 bodies cleared, and of kinks found, with 1,000 landings of 0.6 mm noise."""
+    table = pd.read_csv(ROOT / "docs" / "verdict_campaign.csv")
+
+    def counted(mechanism, feet, what):
+        rows = table[(table["mechanism"] == mechanism) & (table["feet"] == feet)]
+        assert set(rows["landings"]) == {1000}
+        return round((rows[what] * rows["studies"]).sum()), rows["studies"].sum()
+
+    said = cannot_tell.advice()["two_feet"]
+    assert counted("c1", 2, "called_none") == (0, 44)
+    assert "Of 44 simulated bodies without a difference, none was cleared" in said
+    assert (
+        "of four feet, {} of {} were".format(*counted("c1", 4, "called_none")) in said
+    )
+    assert "found in {} of {}".format(*counted("clutch", 2, "called_different")) in said
 
 
 def test_the_page_is_what_would_be_written_now(page):

@@ -4,7 +4,7 @@ import re
 
 from hopdata.group import put_together
 from hopdata.report.group_methods import CITED, group_methods
-from hopdata.report.verdict import build_group_page
+from hopdata.report.group_page import build_group_page
 from test_group import GROUP, made_up
 
 

@@ -8,15 +8,18 @@ from hopdata.figures.style import save_figure
 from hopdata.figures.verdict import group_figure
 from hopdata.group import one_by_one, put_together
 from hopdata.jobs import read_json, reported, whole_file, write_json, write_table
+from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import read_figures
-from hopdata.report.verdict import build_group_page
+
+# Parts of a row that are no cells of a table.
+NO_CELLS = ["further", "quality", "what_now", "contacts"]
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     output = snakemake.output
     rows = [read_json(path) for path in snakemake.input.members]
     group = put_together(rows, snakemake.params.group)
     flat = [{**row, **row["further"]} for row in rows]
-    table = pd.DataFrame(flat).drop(columns=["further", "quality"], errors="ignore")
+    table = pd.DataFrame(flat).drop(columns=NO_CELLS, errors="ignore")
     write_table(output.table, table)
     write_json(output.answer, group)
     picture = Path(output.figure).with_suffix("")

@@ -12,7 +12,6 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
 from hopdata.commands import answers, terminal
 from hopdata.errors import AnalysisError, RecordingError
-from hopdata.foreign.working_folder import say
 from hopdata.inspecting import listing
 from hopdata.messages import Message
 from hopdata.recordings.external import (
@@ -33,8 +32,6 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.config.consistency import files_of
     from hopdata.recording import require_distinct
 
-    if options.scene is not None:
-        say(options.scene)
     bring_bundled(Path(options.config))
     configs = _configs(options.config)
     first = configs[0]

@@ -19,7 +19,7 @@ from hopdata.errors import (
     did_you_mean,
 )
 from hopdata.inspecting import listing
-from hopdata.messages import Message
+from hopdata.messages import Message, in_shell
 
 if TYPE_CHECKING:
     from hopdata.arrays import pd
@@ -121,7 +121,7 @@ def contacts(options: argparse.Namespace) -> int:
     name_apart(trials)
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
-        found = timed(trials, exclude=_spans(options.exclude))
+        found = timed(trials, exclude=_spans(options.exclude, options.reason))
     notes = [note for trial in trials for note in trial.notes]
     show(found, notes, places=_only_place(trials))
     answers.give(notes=[*notes, *found.remarks])
@@ -139,17 +139,28 @@ def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
     return (*map(str, trials[0].files), place_of(recording), recording.name)
 
 
-def _spans(given: Sequence[float] | None) -> list[tuple[float, float]]:
-    """Return the spans of ``--exclude``, s, as pairs."""
+def _spans(
+    given: Sequence[float] | None, given_reasons: Sequence[str] | None
+) -> list[tuple[float, float, str]]:
+    """Return the spans of ``--exclude``, s, with the reasons of ``--reason``."""
     numbers = list(given or ())
     if len(numbers) % 2:
         wanted = "begin and end of each span, s"
         raise ConfigError.at("--exclude", wanted, counted(len(numbers), "number"))
-    return list(zip(numbers[::2], numbers[1::2], strict=True))
+    n_spans = len(numbers) // 2
+    reasons = list(given_reasons or [""])
+    if given_reasons and not n_spans:
+        raise ConfigError.at("--reason", "spans of --exclude with it", "none")
+    if len(reasons) == 1:
+        reasons *= n_spans
+    if len(reasons) != n_spans:
+        wanted = f"one reason for all, or one for each of {n_spans} spans (in quotes)"
+        raise ConfigError.at("--reason", wanted, f"{len(reasons)}")
+    return list(zip(numbers[::2], numbers[1::2], reasons, strict=True))
 
 
 def timed(
-    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float]] = ()
+    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float, str]] = ()
 ) -> ContactTimes:
     """Return the contacts of some trials; those with the same feet are timed as one.
 
@@ -166,7 +177,7 @@ def timed(
     for group in alike.values():
         first = group[0]
         joined = tuple((str(one["name"]), (*one["markers"],)) for one in first.feet)
-        # Feet of one marker are those of the recording.
+        # Feet without a name of their own are those of the recording.
         recordings = [replace(trial.recording, joined=joined) for trial in group]
         files = [trial.files for trial in group]
         found = times_of(recordings, files=files, exclude=exclude, **first.options)
@@ -228,7 +239,7 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
 def _given_feet(
     given: Sequence[str] | None, file: Path, inspection: Inspection
 ) -> tuple[list[str], dict[str, list[str]]]:
-    """Return the markers of ``--feet``, and feet with several of them (NAME=A,B)."""
+    """Return the markers of ``--feet``, and those of feet with a name (NAME=A,B)."""
     feet: list[str] = []
     joined = {}
     for text in given or ():
@@ -240,7 +251,7 @@ def _given_feet(
             joined[name] = markers
         feet += markers
     _require_markers("--feet", file, feet, inspection)
-    return feet, {name: own for name, own in joined.items() if len(own) > 1}
+    return feet, {name: own for name, own in joined.items() if own != [name]}
 
 
 def _require_markers(
@@ -422,7 +433,8 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    told = [*map(str, one_for_all_feet(found.messages)), *notes]
+    of_contacts = [in_shell(one) for one in one_for_all_feet(found.messages)]
+    told = [*map(str, of_contacts), *notes]
     for note in without_places(told, places):
         terminal.note(note)
 

@@ -20,7 +20,6 @@ from hopdata.commands.terminal import OK, PROBLEM, write_text
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
 from hopdata.errors import ConfigError, HopdataError, did_you_mean, require
-from hopdata.foreign.working_folder import say
 from hopdata.jobs import read_json
 from hopdata.messages import Message
 from hopdata.provenance import package_digest
@@ -50,8 +49,6 @@ class _Run:
 
 def run(options: argparse.Namespace) -> int:
     """Run a study or a group in this folder; report its results and their place."""
-    if options.scene is not None:
-        say(options.scene)
     if options.provenance is not None:
         return _run_again(options)
     asked = _asked(options.config)

@@ -25,9 +25,25 @@ COMPARED_FRAMES = 60
 SEARCHED_FRAMES = 8
 
 #: Largest difference of the distances, relative to how much they vary, at which two
-#: files hold one trial: beyond that of a filter, below that of any other trial.
+#: files may hold one trial: beyond that of a filter with the noise that it removes.
 #: Unit: 1. Origin: chosen.
 SAME_MOTION = 0.2
+
+#: The same of distances averaged over `AVERAGED_S`, which a filter hardly changes.
+#: Unit: 1. Origin: measured: steps of a runner at the same phase differ by 0.03 or
+#: more (91 pairs of 0.9 s), and filters of 6 Hz or more change a step by 0.011.
+SAME_SLOWLY = 0.015
+
+#: Time over which distances are averaged, which takes out what a filter may remove.
+#: Unit: s. Origin: measured: of 0.1, 0.2 and 0.3 s it parts steps and filters well
+#: without taking much of a short trial.
+AVERAGED_S = 0.2
+
+#: Largest relative difference of the ratio of two files' distances from that of two
+#: units, if one is the other with a filter.
+#: Unit: 1. Origin: measured: 0.0005 with filters of 6 Hz or more; steps of one runner
+#: differ by 0.004.
+SAME_SCALE = 0.001
 
 #: The same at which their positions are the same but for rounding.
 #: Unit: 1. Origin: chosen.
@@ -97,10 +113,14 @@ def agreement(
     long, short = sorted(distances, key=len, reverse=True)
     if len(short) < 2:
         return OTHER
-    misfit = _least_misfit(long, short)
+    start = _likeliest_start(long, short)
+    beside = long[start : start + len(short)]
+    at = _spread_frames(len(short), COMPARED_FRAMES)
+    misfit = _misfit(beside[at], short[at])
     if misfit < SAME_POSITIONS:
         return THE_SAME
-    if misfit < SAME_MOTION and len(short) >= LEAST_PART * len(long):
+    may_be_filtered = misfit < SAME_MOTION and len(short) >= LEAST_PART * len(long)
+    if may_be_filtered and _same_slowly(beside, short, rates_hz[0]):
         return PROCESSED
     return OTHER
 
@@ -110,11 +130,31 @@ def _distances(track: FloatArray) -> FloatArray:
     return norms(track - np.roll(track, 1, axis=1))
 
 
-def _least_misfit(long: FloatArray, short: FloatArray) -> float:
-    """Return the misfit at the place of the short file within the long one."""
-    start = _likeliest_start(long, short)
-    at = _spread_frames(len(short), COMPARED_FRAMES)
-    return _misfit(long[at + start], short[at])
+def _same_slowly(one: FloatArray, other: FloatArray, rate_hz: float) -> bool:
+    """Return whether distances (N, K) differ by nothing slower than a filter removes.
+
+    Two steps of one animal are alike at each frame, but what they differ by is slow.
+    """
+    known = np.isfinite(one) & np.isfinite(other)
+    in_one = np.where(known, one, 0.0)
+    in_other = np.where(known, other, 0.0)
+    ratio = float(in_one.sum() / in_other.sum())
+    unit = _as_ratio_of_units(ratio)
+    if abs(ratio / unit - 1.0) > SAME_SCALE:
+        return False
+    mean = in_one.sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    varies = np.where(known, one - mean, 0.0)
+    averaged = _averaged(in_one - unit * in_other, round(AVERAGED_S * rate_hz))
+    slow = np.sqrt(np.mean(averaged**2) / np.mean(varies**2))
+    return bool(slow < SAME_SLOWLY)
+
+
+def _averaged(values: FloatArray, frames: int) -> FloatArray:
+    """Return the moving means of columns (N, K) over so many frames, or over all."""
+    frames = max(1, min(frames, len(values)))
+    sums = np.cumsum(values, axis=0)
+    sums = np.concatenate([np.zeros((1, values.shape[1])), sums])
+    return (sums[frames:] - sums[:-frames]) / frames
 
 
 def _spread_frames(n_frames: int, most: int) -> IntArray:

@@ -28,6 +28,8 @@ from hopdata.report.language import said, sentence
 PERCENT = re.compile(r"(?<=\d) %")
 # A blank between a number and its unit.
 BEFORE_UNIT = re.compile(r"(?<=\d) (?=(?:%|mm|ms|s|m|m/s|Hz|N|kg|°)(?![\w/]))")
+# Words in backquotes, as in Markdown.
+CODE = re.compile("`([^`]+)`")
 # Not the no-break space between a number and its unit.
 SPACES = re.compile(r"[ \t\n]+")
 
@@ -388,6 +390,7 @@ def rendered(
     environment.globals["say"] = partial(sentence, language=language)
     environment.filters["said"] = partial(said, language=language)
     environment.filters["verbatim"] = _verbatim
+    environment.filters["coded"] = _coded
     style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
     scripts = (TEMPLATES / "fold.js").read_text(encoding="utf-8")
     if content.get("scene"):
@@ -455,6 +458,13 @@ def _verbatim(text: str) -> Any:
     from markupsafe import escape
 
     return escape(printable(text, keep=f"\n\t{NO_BREAK_SPACES}"))
+
+
+def _coded(text: Any) -> Any:
+    """Return a text whose words in backquotes are set as code."""
+    from markupsafe import Markup, escape
+
+    return Markup(CODE.sub(r"<code>\1</code>", str(escape(_shown(str(text))))))
 
 
 def as_yaml(config: Any) -> str:

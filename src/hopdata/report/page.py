@@ -12,7 +12,7 @@ from hopdata.arrays import pd
 from hopdata.feet import foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report import tables, verdict
+from hopdata.report import tables, verdict, what_now
 from hopdata.report.inputs import (
     ReportInputs,
     as_yaml,
@@ -295,8 +295,6 @@ PRINTED_CLAIMS = {"fig2_4_prediction", "fig2_5_distances"}
 OF_PRINTED_CLAIMS = ("prediction", "distances")
 #: Entries of ``truth.json`` about these figures.
 OF_PRINTED_FIGURES = ("near_below_all_below_far", "random_clearance")
-#: The page of the documentation on studies that cannot tell.
-CANNOT_TELL_PAGE = "https://github.com/hopdata/hopdata/blob/main/docs/cannot_tell.md"
 PLACES: dict[str, str] = show.WORDS["places"]
 
 
@@ -346,9 +344,14 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
         methods=methods(inputs, facts),
-        what_now=verdict.what_now(inputs.verdict),
-        headline=verdict.decisive(inputs.verdict),
-        cannot_tell=CANNOT_TELL_PAGE,
+        limits=what_now.limits(inputs.verdict),
+        headline=what_now.decisive(inputs.verdict),
+        advice=what_now.further_advice(
+            inputs.verdict,
+            excluded=facts["n_excluded"] or 0,
+            landings=facts["n_landings"] or 0,
+        ),
+        documentation=what_now.DOCUMENTATION,
         distances_asked=inputs.distances_asked,
         verdict_notes=[_note(note) for note in verdict.further_notes(known)],
         config=as_yaml(_configuration(inputs)),

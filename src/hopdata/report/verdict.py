@@ -1,9 +1,8 @@
-"""The verdict on the page, what it can and cannot show, and the page of a group."""
+"""The verdict on the page, and what it can and cannot show."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,9 +10,6 @@ from hopdata.arrays import pd
 from hopdata.feet import with_foot_names
 from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report.group import by_answer, summaries
-from hopdata.report.group_methods import group_methods
-from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
 
@@ -28,9 +24,6 @@ RESERVED = "maps.different_reserved"
 
 # Facts on how far an answer reaches towards the simultaneous contact.
 REACH = ("margin", "holds_from", "contact_spread")
-
-# The cause that no further landings of the same kind mend.
-ONE_ORDER = "maps.none_for_one_order"
 
 # Feet whose spread is half of how far apart they touch.
 TWO = 2
@@ -92,12 +85,6 @@ def _not_saturating(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]
     return [Message("report.not_saturating", values)]
 
 
-def what_now(verdict: Verdict | None) -> list[Message | str]:
-    """Return what limits a study that cannot tell, the cause that costs most first."""
-    causes = (verdict or {}).get("what_now") or []
-    return [told(cause, str(cause.get("said", ""))) for cause in causes]
-
-
 def answer(verdict: Verdict) -> list[Message | str]:
     """Return the answer, and apart from it what it leaves open."""
     message = verdict.get("messages", {}).get("sentence") or {}
@@ -134,19 +121,6 @@ def _spread(verdict: Verdict) -> Message:
     # The standard deviation of two instants is half of their difference.
     values["apart"] = _milliseconds(2.0 * spread_s)
     return Message("report.spread_of_two_feet", values)
-
-
-def decisive(verdict: Verdict | None) -> list[Message | str]:
-    """Return what the head of the page says limits a study that cannot tell.
-
-    It is the cause that costs most, and the next if the first is that there is one
-    order only.
-    """
-    causes = (verdict or {}).get("what_now") or []
-    shown = causes[:1]
-    if shown and shown[0].get("code") == ONE_ORDER:
-        shown = causes[:2]
-    return [told(cause, str(cause.get("said", ""))) for cause in shown]
 
 
 def further_notes(verdict: Verdict) -> list[Mapping[str, Any]]:
@@ -284,13 +258,13 @@ def verdict_facts(
     found = known["conclusion"] == "different"
     bound = math.inf if effect["upper_bound"] is None else effect["upper_bound"]
     if effect.get("allowed") is not None:
-        facts["allowed"] = _percent(effect["allowed"])
+        facts["allowed"] = percent(effect["allowed"])
         if not found and bound < effect["allowed"]:
-            facts["bound_within"] = _percent(effect["upper_bound"])
+            facts["bound_within"] = percent(effect["upper_bound"])
     if effect["detectable"] <= 1.0:
-        facts["detectable"] = _percent(effect["detectable"])
+        facts["detectable"] = percent(effect["detectable"])
         if not found and bound < effect["detectable"]:
-            facts["bound_below"] = _percent(effect["upper_bound"])
+            facts["bound_below"] = percent(effect["upper_bound"])
     facts["difference"] = _with_interval(effect)
     return facts
 
@@ -374,7 +348,7 @@ def remark(
         values["margin"] = _margin(known)
         said = Message("report.difference_unbounded", values)
     elif known["conclusion"] != "different":
-        values["bound"] = _percent(effect["upper_bound"])
+        values["bound"] = percent(effect["upper_bound"])
         values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
     true = _true_effect(truth) or _true_effect(truth, "recorded_true_effect")
@@ -397,7 +371,7 @@ def _true_effect(
     if show.is_missing(true):
         return None
     # Rounding leaves some 1e-16 of a difference that does not exist.
-    return _percent(0.0 if abs(true) < NO_DIFFERENCE else float(true))
+    return percent(0.0 if abs(true) < NO_DIFFERENCE else float(true))
 
 
 # What a size of a pair is of, in words.
@@ -454,7 +428,7 @@ def _orders_note(verdict: Verdict) -> Message:
     known = [size for size in allowed if size is not None]
     if not known:
         return Message("report.orders_note", values)
-    values["allowed"] = _percent(max(known))
+    values["allowed"] = percent(max(known))
     return Message("report.orders_note_allowed", values)
 
 
@@ -475,7 +449,7 @@ def _of_all_orders(verdict: Verdict) -> Message | str:
         or verdict["conclusion"] == "different"
     ):
         return Message("report.orders_landings", values)
-    values["bound"] = _percent(effect["upper_bound"])
+    values["bound"] = percent(effect["upper_bound"])
     values["margin"] = _margin(verdict)
     return Message("report.orders_landings_bound", values)
 
@@ -577,154 +551,15 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
     effect = verdict.get("effect") or {}
     if effect.get("allowed") is None or verdict["conclusion"] == "different":
         return Message("report.so_what_gains", values)
-    values["allowed"] = _percent(effect["allowed"])
+    values["allowed"] = percent(effect["allowed"])
     if verdict["conclusion"] == "no difference":
-        values["bound"] = _percent(effect["upper_bound"])
+        values["bound"] = percent(effect["upper_bound"])
         return Message("report.so_what_small", values)
     return Message("report.so_what_open", values)
 
 
-# The page of a group: answer, forest plot, conditions, and every member with its link.
-
-OF_CONDITION: show.Columns = {
-    "condition": lambda row: str(row["condition"]),
-    "subjects": show.counted("subjects"),
-    "answer": lambda row: str(row["conclusion"]),
-    "rms (%)": show.decimals("estimate", 1, 100.0),
-    "from (%)": show.decimals("low", 1, 100.0),
-    "to (%)": show.decimals("high", 1, 100.0),
-    "at most (%)": show.decimals("upper_bound", 1, 100.0),
-    "I² (%)": show.decimals("i2", 0, 100.0),
-    "p of Q": lambda row: show.significant(row["q_p_value"], 2),
-}
-CONDITIONS: show.Columns = {
-    "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
-    "subjects": show.counted("n"),
-    "rms of the first (%)": show.decimals("size_a", 1, 100.0),
-    "rms of the second (%)": show.decimals("size_b", 1, 100.0),
-    "difference of squares": show.decimals("difference", 3),
-    "from": show.decimals("low", 3),
-    "to": show.decimals("high", 3),
-    "p": lambda row: show.significant(row["p_value"], 2),
-    "p after Holm": lambda row: show.significant(row["p_holm"], 2),
-}
-
-
-def build_group_page(
-    group: Mapping[str, Any],
-    figures: Sequence[ReportFigure],
-    *,
-    one_by_one: bool = True,
-) -> str:
-    """Build the page of a group.
-
-    Parameters
-    ----------
-    group : mapping
-        Contents of ``group.json``.
-    figures : sequence of ReportFigure
-        The sizes of its studies.
-    one_by_one : bool
-        Whether the studies can be read one by one. If there are too many, the page
-        sums them up, and lists those of each answer folded.
-    """
-    rows = group["members"]
-    title = "Conditions compared within subjects"
-    members: Any = [_member(row) for row in rows]
-    saturate = any(row.get("saturates") for row in rows)
-    judged = [row for row in rows if not row["reason"]]
-    facts = {
-        "one_by_one": one_by_one,
-        "some_saturate": saturate,
-        "n": len(judged),
-        "confidence": show.percent(100 * group["confidence"]),
-        "margin": show.percent(100 * group["margin"]),
-        "of_all": group["effect"] is not None,
-        "of_conditions": any(one["effect"] for one in group.get("by_condition", [])),
-    }
-    reasons = {row["reason"] for row in rows}
-    if len(reasons) == 1:  # the sentence at the top of the page says it once
-        members = [{**cells, "reason_told": ""} for cells in members]
-    summed: list[show.Table] = []
-    if not one_by_one:
-        summed = summaries(rows)
-        answers = by_answer(rows).items()
-        members = {one: [_member(row) for row in some] for one, some in answers}
-    return rendered(
-        "group.html.j2",
-        group=group,
-        highlights=_highlights(group),
-        pictures=[picture_of(one, facts) for one in figures],
-        one_by_one=one_by_one,
-        methods=group_methods(group),
-        some_without=any(row["reason"] for row in rows),
-        some_saturate=saturate,
-        summaries=summed,
-        further=list(dict.fromkeys(key for row in rows for key in row["further"])),
-        has_conditions=len({row["condition"] for row in rows}) > 1,
-        members=members,
-        conditions=show.table_of(title, group["conditions"], CONDITIONS),
-        by_condition=show.table_of(
-            "Over the subjects of each condition", _of_conditions(group), OF_CONDITION
-        ),
-    )
-
-
-def _of_conditions(group: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the size of each condition, empty where too few subjects have one."""
-    rows = []
-    for one in group.get("by_condition", []):
-        effect = one["effect"] or {}
-        sizes = ("estimate", "low", "high", "upper_bound")
-        row = {**one, **{name: effect.get(name) for name in sizes}}
-        model = effect.get("combined") or {}
-        row |= {name: model.get(name) for name in ("i2", "q_p_value")}
-        rows.append(row)
-    return rows
-
-
-def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Return name, value and remark of each key number of a group."""
-    rows = group["members"]
-    effect = group["effect"]
-    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
-    judged = f"{answers.total()} of {len(rows)}"
-    said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
-    studies = ("Studies judged", judged, said)
-    if effect is None:
-        return [*_of_each(group), studies]
-    model = effect["combined"]
-    interval = f"interval {_percent(effect['low'])} to {_percent(effect['high'])}"
-    q = show.significant(model["q"])
-    p = show.significant(model["q_p_value"], 2)
-    return [
-        ("Difference over subjects (rms)", _percent(effect["estimate"]), interval),
-        ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
-        studies,
-        (
-            "Between subjects (I²)",
-            _percent(model["i2"]),
-            f"Q = {q}, p = {p}; what smooth terms leave counts, too",
-        ),
-    ]
-
-
-def _of_each(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Return the size of each condition that has one."""
-    found = []
-    for one in group.get("by_condition", []):
-        effect = one["effect"]
-        if effect is None:
-            continue
-        ends = f"interval {_percent(effect['low'])} to {_percent(effect['high'])}"
-        if one["conclusion"] != "different":
-            ends = f"at most {_percent(effect['upper_bound'])}"
-        name = f"{one['condition']}: difference over {one['subjects']} subjects (rms)"
-        found.append((name, _percent(effect["estimate"]), ends))
-    return found
-
-
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """Return a share to two digits, in per cent."""
     return show.with_unit(_in_hundredths(share), "%")
 
 
@@ -733,45 +568,3 @@ def _in_hundredths(share: float) -> str:
     if not math.isfinite(share):
         return show.significant(share, 2)
     return show.significant(float(f"{100 * share:.2g}"), 2)
-
-
-def _member(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the cells of a member, and a summary of its checks."""
-    checks = row.get("quality", [])
-    statuses = Counter(status for _, status in checks)
-    counts = []
-    for status in ("good", "look", "poor"):
-        if statuses[status]:
-            counts.append(f"{statuses[status]} {status}")
-    cells = dict(row)
-    cells["checks"] = ", ".join(counts)
-    cells["poor"] = "; ".join(what for what, status in checks if status == "poor")
-
-    needed = row.get("landings_needed") or 0
-    cells["needed"] = ""
-    if row.get("conclusion") != "different" and needed > row.get("landings", 0):
-        cells["needed"] = show.count(needed)
-
-    cells["reason_told"] = f": {row['reason']}"
-    cells["size"] = None
-    cells["ends"] = ""
-    if row["reason"]:
-        return cells
-    if "jump_low" in row:
-        cells["size"] = f"a jump of {_percent(row['jump_estimate'])}"
-        low = row["jump_low"]
-        high = row["jump_high"]
-    else:
-        cells["size"] = _percent(row["estimate"])
-        low = row["low"]
-        high = row["high"]
-    if row.get("saturates"):
-        over = _percent(row["over_landings_estimate"])
-        cells["size"] += f" (over the landings {over})"
-    if high is None:
-        cells["ends"] = f"at least {_percent(low)}"
-        return cells
-    cells["ends"] = f"{_percent(low)} to {_percent(high)}"
-    if row["conclusion"] != "different":
-        cells["ends"] = f"at most {_percent(row['upper_bound'])}"
-    return cells

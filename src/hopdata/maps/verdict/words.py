@@ -132,14 +132,15 @@ def with_no_more(said: Message, jump: float | None, *, pairs: bool) -> Message:
     pairs
         Whether sizes are rms over more than one pair of orders or of feet.
     """
-    name = "over_landings"
     values = {}
-    if jump is not None:
-        name += "_no_jump"
+    if jump is None:
+        code = "maps.over_landings_pairs" if pairs else "maps.over_landings"
+    else:
         values["jump"] = percent(jump)
-    if pairs:
-        name += "_pairs"
-    where = Message(f"maps.{name}", values)
+        code = "maps.over_landings_no_jump"
+        if pairs:
+            code = "maps.over_landings_no_jump_pairs"
+    where = Message(code, values)
     return Message(said.code, {**said.values, "where": where})
 
 

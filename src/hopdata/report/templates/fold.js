@@ -62,6 +62,21 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
         join(found, sides(drawn.querySelector(`${clip.slice(4, -1)} rect`)));
       return found;
     };
+    // The columns of a legend that is wider than the window, as many beside each other as fit.
+    const columnsOf = (legend) => {
+      const columns = [];
+      for (const one of [...legend.children].map(boxed)) {
+        const beside = columns.find((other) => one.left < other.right && other.left < one.right + 12);
+        if (beside) join(beside, one);
+        else columns.push(one);
+      }
+      columns.sort((one, other) => one.left - other.left);
+      return columns.reduce((rows, one) => {
+        if (rows.length && one.right - rows.at(-1).left <= 0.8 * room) join(rows.at(-1), one);
+        else rows.push(one);
+        return rows;
+      }, []);
+    };
     for (const one of inside(group, ["axes"]).map(boxed)) {
       const beside = found.filter((other) => one.left < other.right && other.left < one.right);
       for (const other of beside) join(one, found.splice(found.indexOf(other), 1)[0]);
@@ -73,6 +88,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       const beside = found.filter((other) => other.left >= one.right - 2).sort((a, b) => a.left - b.left)[0];
       const column = upright ? beside : found.find((other) => within(one, other));
       if (column) join(column, one);
+      else if (one.right - one.left > 0.8 * room) found.push(...columnsOf(one.of[0])); // its letters are small as it is
       else found.push(one);
     }
     for (const half of inside(group, ["subfigure"])) {
