@@ -56,6 +56,10 @@ INSTANTS_MS = {"sample": 0.1, "control": 0.1, "runner": 1.0}
 ORIGIN = re.compile(
     r"Unit: (?P<unit>.+?)\. Origin: (?P<origin>\w+)[:.]?\s*(?P<why>.*)", re.S
 )
+# What a study says that ended in an error: the error's name and its words.
+ENDED = re.compile(r"[\w.]*Error: ")
+# What names a place that has the number: a program, a test, a table or a page.
+PLACE = re.compile(r"\.py\b|\.md\b|\.csv\b")
 HEADER = (
     "| constant | value | unit | what it decides | origin | what it moves |",
     "|---|---|---|---|---|---|",
@@ -430,11 +434,14 @@ def page() -> str:
         "Every number that steers a detector, an estimate or the verdict, as the comment above",
         "it states: what it decides, its unit and where it comes from. *Derived*: from other",
         "numbers or a formula. *Table*: from a published table. *Convention*: of the field.",
-        "*Rounding*: of floating-point numbers. *Measured*: by the benchmark or test that is",
-        "named. *Chosen*: a plain choice. The last column says what a value 1.5 times larger or",
-        "smaller moves in the bundled sample, in its control and in a public recording of a",
-        "runner (`benchmarks/constants.py`; all numbers: `benchmarks/last_run/constants.csv`).",
-        "A dash: not tried. This page is written by `make docs` from the code.",
+        "*Rounding*: of floating-point numbers. *Measured*: on what is stated. *Chosen*: a plain",
+        "choice. The last column says what a value 1.5 times larger or smaller moves in the",
+        "bundled sample, in its control and in a public recording of a runner",
+        "(`benchmarks/constants.py` of the source; all numbers:",
+        "`benchmarks/last_run/constants.csv`). A dash: not tried. *Impossible*: the study ends in",
+        "an error. This page is written by `make docs` from the code.",
+        "",
+        *measured_where(),
         "",
         *summary(rows),
     ]
@@ -447,6 +454,17 @@ def page() -> str:
             text += [table_row(one, rows, usual) for one in in_module]
             text.append("")
     return "\n".join(text).rstrip() + "\n"
+
+
+def measured_where() -> list[str]:
+    """Return how many of the measured numbers a program or page has."""
+    measured = [one for one in constants() if one.origin == "measured"]
+    named = sum(PLACE.search(one.why) is not None for one in measured)
+    return [
+        f"Of {len(measured)} measured numbers {named} name the benchmark, test, table or page that",
+        f"has the measurement. The other {len(measured) - named} state what was found and on what data;",
+        "no program of the source makes them again.",
+    ]
 
 
 def summary(rows: Sequence[Moved]) -> list[str]:
@@ -482,7 +500,33 @@ def summary(rows: Sequence[Moved]) -> list[str]:
     for (module, name), words in large.items():
         text.append(f"| `{name}` ({module}) | {'; '.join(words)} |".replace("||", "|"))
     text.append("")
-    return text
+    return [*text, *impossible_values(rows)]
+
+
+def impossible_values(rows: Iterable[Moved]) -> list[str]:
+    """Return a table of the values with which no study runs; nothing if there are none."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        if is_impossible(row):
+            words = f"{row.study} {row.factor}: {row.conclusion}"
+            found.setdefault((row.module, row.name), []).append(words)
+    if not found:
+        return []
+    text = [
+        "These values are impossible, such as a quantile above 1, or each study is refused",
+        "with them. They count as tried, and as moving nothing:",
+        "",
+        "| constant | what a study says |",
+        "|---|---|",
+    ]
+    for (module, name), words in found.items():
+        text.append(f"| `{name}` ({module}) | {'; '.join(words)} |")
+    return [*text, ""]
+
+
+def is_impossible(row: Moved) -> bool:
+    """Tell whether a study ended in an error, so that nothing was measured."""
+    return ENDED.match(row.conclusion) is not None
 
 
 def numbers_tried(rows: Iterable[Moved]) -> list[str]:
@@ -519,6 +563,8 @@ def baselines(usual: dict[tuple[str, str], dict[str, str]]) -> list[str]:
 
 def is_large(row: Moved, usual: dict[str, str]) -> bool:
     """Tell whether a changed constant moves more than a reader would ignore."""
+    if is_impossible(row):
+        return False
     if row.conclusion != usual["conclusion"]:
         return True
     if abs(int(row.n_used) / int(usual["n_used"]) - 1) > SHARE:
@@ -590,6 +636,8 @@ def told_of(
         return "-"
     words = []
     for row in own:
+        if is_impossible(row):
+            words.append(f"{row.study} {row.factor}: impossible")
         moved = moves(row, usual[run_of(row)])
         if moved:
             words.append(f"{row.study} {row.factor}: {moved}")
@@ -598,6 +646,8 @@ def told_of(
 
 def moves(row: Moved, usual: dict[str, str]) -> str:
     """Return what differs from what a study says with nothing changed."""
+    if is_impossible(row):
+        return ""
     told = []
     for name in ("conclusion", "n_used", "estimate", "bound"):
         value = getattr(row, name)

@@ -74,9 +74,20 @@ def parts(delay: str, order: np.ndarray) -> list[np.ndarray]:
 
 
 def fading_landings(
-    shape: str, delay: str, time_constant_s: float, seed: int, *, landings: int = 900
+    shape: str,
+    delay: str,
+    time_constant_s: float,
+    seed: int,
+    *,
+    landings: int = 900,
+    strength: float = STRENGTH,
+    noise: float = NOISE,
 ) -> Fading:
-    """Return landings whose difference fades in this shape of this delay."""
+    """Return landings whose difference fades in this shape of this delay.
+
+    `strength` and `noise` are as `STRENGTH` and `NOISE`; noise is in standard
+    deviations of the outcomes.
+    """
     rng = np.random.default_rng(seed)
     x = rng.standard_normal((landings, 8))
     angle = 2.0 * np.pi * np.arange(3) / 3.0
@@ -84,8 +95,8 @@ def fading_landings(
     onto[:2] = CONTACT_SPREAD_S * np.array([np.sin(angle), np.cos(angle)])
     instants = x @ onto
     smooth = rng.standard_normal((8, 11)) * np.repeat([0.01, 0.05, 0.2], [5, 3, 3])
-    noise = NOISE * smooth.std(axis=0) * rng.standard_normal((landings, 11))
-    bend = STRENGTH / DELAYS[delay] * smooth[0]
+    errors = noise * smooth.std(axis=0) * rng.standard_normal((landings, 11))
+    bend = strength / DELAYS[delay] * smooth[0]
 
     function, derivative = SHAPES[shape]
     of_landing = np.argsort(instants, axis=1)
@@ -103,7 +114,7 @@ def fading_landings(
             mean_slopes += weights * derivative(scaled).mean()
         at_contact.append(smooth.T + np.outer(bend, onto @ slopes))
         average.append(smooth.T + np.outer(bend, onto @ mean_slopes))
-    outcomes = x @ smooth + np.outer(added, bend) + noise
+    outcomes = x @ smooth + np.outer(added, bend) + errors
     state = np.hstack([np.zeros((landings, 3)), x * SPREADS]) + FALLING
     sizes = [
         relative_size(

@@ -18,7 +18,14 @@ a choice.
 `found` and `none` are the shares called different and of no difference larger than 0.2;
 `interval_holds` and `bound_holds` those that hold the rms over the group of the exact
 sizes at the simultaneous contact. `heterogeneous` is the share of groups whose Q has a
-p-value below 0.05.
+p-value below 0.05. Of `conditions`, `found` are the groups in which they are said to
+differ, and `p_small` those whose p-value is below 0.05.
+
+``verdict_groups_levels.csv`` has what it costs that two rules share the level of a group:
+the shares of 200 groups that are called different by the mean alone (`mean`), by both
+rules as they share the level (`shared`), by each at half of it (`halves`) and with no
+joint level (`separate`: the mean at 0.025, the number of studies at 0.05). `fewest` is the
+number of studies that are enough, and `fewest_of_half` that with halves.
 """
 
 from __future__ import annotations
@@ -35,9 +42,16 @@ import numpy as np
 import pandas as pd
 from bodies import Seen, study
 from campaigns import run
+from scipy.stats import binom, t
 from verdict_campaign import asked, cell, moved, source
 
-from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
+from hopdata.maps.verdict.group import (
+    GroupVerdict,
+    compare_conditions,
+    differ,
+    joint_level,
+    judge_group,
+)
 
 SUBJECTS = 48
 FIRST_SEED = 3000
@@ -46,6 +60,12 @@ LANDINGS = (400, 1000)
 SIZES = (4, 8, 16)
 GROUPS = 40
 OF_GROUP = ("squared", "squared_error", "along_error", "allowed", "left")
+LEVELS_TABLE = "verdict_groups_levels.csv"
+LEVELS_SIZES = (4, 5, 6, 7, 8, 12, 14, 16, 20, 24)
+LEVELS_GROUPS = 200
+# Share of the subjects that have a kink.
+WITH_KINKS = {"c1": 0.0, "third": 1.0 / 3.0, "half": 0.5, "clutch": 1.0}
+LEVEL = 0.05
 COLUMNS = ("kind", "seed", "landings", "true", "conclusion", "low", *OF_GROUP)
 
 
@@ -124,6 +144,7 @@ def compared(
     """Return in which share of groups two conditions of the same subjects differ."""
     both = sorted(set(same["subject"]) & set(other["subject"]))
     found = []
+    small = []
     holds = []
     for _ in range(GROUPS):
         names = [both[number] for number in rng.permutation(len(both))[:size]]
@@ -133,13 +154,59 @@ def compared(
         )
         row = compare_conditions(members).iloc[0]
         true = np.mean(some[0]["true"] ** 2) - np.mean(some[1]["true"] ** 2)
-        found.append(row["p_value"] < 0.05)
+        found.append(differ(row))
+        small.append(row["p_value"] < 0.05)
         holds.append(row["low"] <= true <= row["high"])
     return {
         "groups": GROUPS,
         "found": np.mean(found),
         "interval_holds": np.mean(holds),
+        "p_small": np.mean(small),
     }
+
+
+def levels(studies: pd.DataFrame) -> pd.DataFrame:
+    """Return which groups are called different, by how two rules share the level."""
+    studies = studies.sort_values(["kind", "seed"]).dropna(subset=["squared"])
+    rng = np.random.default_rng(FIRST_SEED)
+    rows = []
+    for number, of_number in studies.groupby("landings"):
+        by_kind = dict(list(of_number.groupby("kind")))
+        for size, (kind, share) in product(LEVELS_SIZES, WITH_KINKS.items()):
+            kinks = round(share * size)
+            parts = [(by_kind["clutch"], kinks), (by_kind["c1"], size - kinks)]
+            found = []
+            for _ in range(LEVELS_GROUPS):
+                some = [part.iloc[rng.permutation(len(part))[:n]] for part, n in parts]
+                found.append(by_each_rule(pd.concat(some)))
+            row = {"landings": number, "subjects": size, "kind": kind}
+            row["fewest"] = joint_level(size, 1.0 - LEVEL)[0]
+            row["fewest_of_half"] = fewest_below(size, LEVEL / 2.0)
+            rows.append(row | pd.DataFrame(found).mean().to_dict())
+    return pd.DataFrame(rows)
+
+
+def by_each_rule(group: pd.DataFrame) -> dict[str, bool]:
+    """Return whether a group is different, by the ways to share the level."""
+    verdict = judge_group(group)
+    model = verdict.combined
+    left = np.sqrt((group["left"] ** 2).mean())
+    reach = t.isf(LEVEL / 2.0, model.n - 1) * model.error
+    mean = bool(max(0.0, model.mean - reach) > left**2)
+    return {
+        "mean": mean,
+        "shared": verdict.conclusion == "different",
+        "halves": mean or verdict.alone >= fewest_below(len(group), LEVEL / 2.0),
+        "separate": mean or verdict.alone >= fewest_below(len(group), LEVEL),
+    }
+
+
+def fewest_below(number: int, level: float) -> int:
+    """Return the fewest studies of so many that false alarms give less often."""
+    fewest = 1
+    while not binom.sf(fewest - 1, number, LEVEL) < level:
+        fewest += 1
+    return fewest
 
 
 def main() -> None:
@@ -161,6 +228,9 @@ def main() -> None:
     run(file, COLUMNS, studies_of, tasks, named=("kind", "seed"), jobs=args.jobs)
     table = tables(pd.read_csv(file))
     table.to_csv(args.out, index=False, float_format="%.4g")
+    print(table.to_string(index=False))
+    table = levels(pd.read_csv(file))
+    table.to_csv(args.out.with_name(LEVELS_TABLE), index=False, float_format="%.4g")
     print(table.to_string(index=False))
 
 

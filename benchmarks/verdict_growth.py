@@ -32,6 +32,12 @@ whose bound over the landings is not below the average, and `high_holds` those o
 `saturates` whose `high` is not below the size. `none_wrong` are those called *no
 difference* whose time constant is above `holds_from`, although the size at the contact
 is above the margin.
+
+``verdict_unseen.csv`` is of smaller ones in more noise, of most of which saturation is
+not found. Of the studies that are called *different* so, `interval_holds` are those
+whose interval holds the size at the simultaneous contact; `over_twice` those of which
+this is more than twice `high`; and `twice_wrong` those of them whose time constant is
+above `twice_high_from`, so that the verdict excludes it.
 """
 
 from __future__ import annotations
@@ -90,6 +96,24 @@ FADING_COLUMNS = (
     "low",
     "estimate",
     "over",
+)
+# The same of smaller differences in more noise, so that saturation stays unseen.
+UNSEEN_TABLE = "verdict_unseen.csv"
+UNSEEN_MS = (3.0, 5.0, 8.0, 12.0)
+UNSEEN_LANDINGS = 1000
+UNSEEN_STRENGTH = 100.0
+UNSEEN_NOISE = 0.15
+UNSEEN_COUNTS = ("different", "unseen", "interval_holds", "over_twice", "twice_wrong")
+UNSEEN_COLUMNS = (
+    *OF_FADING,
+    "seed",
+    "true",
+    "true_average",
+    *UNSEEN_COUNTS,
+    "low",
+    "estimate",
+    "high",
+    "twice_high_from_ms",
 )
 STUDIES = 10
 FIRST_SEED = 5000
@@ -177,6 +201,38 @@ def judged_fading(
     return [row]
 
 
+def judged_unseen(
+    shape: str, delay: str, time_constant_ms: float, seed: int
+) -> list[dict[str, Any]]:
+    """Return what the verdict says of a small difference that fades."""
+    data = fading_landings(
+        shape,
+        delay,
+        1e-3 * time_constant_ms,
+        seed,
+        landings=UNSEEN_LANDINGS,
+        strength=UNSEEN_STRENGTH,
+        noise=UNSEEN_NOISE,
+    )
+    verdict = judge(data.before, data.after, data.instants, seed=seed)
+    size = verdict.effect
+    true = data.at_contact
+    row = {"shape": shape, "delay": delay, "time_constant_ms": time_constant_ms}
+    row |= {"seed": seed, "true": true, "true_average": data.average}
+    different = verdict.conclusion == "different"
+    row["different"] = int(different)
+    row["unseen"] = int(verdict.twice_high_from is not None)
+    if row["unseen"]:
+        from_ms = 1e3 * verdict.twice_high_from
+        over = true > 2.0 * size.high
+        row["interval_holds"] = int(size.low <= true <= size.high)
+        row["over_twice"] = int(over)
+        row["twice_wrong"] = int(over and time_constant_ms > from_ms)
+        row["twice_high_from_ms"] = from_ms
+    row |= {"low": size.low, "estimate": size.estimate, "high": size.high}
+    return [row]
+
+
 def table(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row for each kind."""
     found = []
@@ -210,6 +266,30 @@ def table_of_fading(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found)
 
 
+def table_of_unseen(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each shape, delay and time constant."""
+    found = []
+    for names, part in rows.groupby(list(OF_FADING), sort=False):
+        unseen = part[part["unseen"] == 1]
+        row = dict(zip(OF_FADING, names, strict=True))
+        row["studies"] = len(part)
+        row["true_median"] = part["true"].median()
+        row["average_median"] = part["true_average"].median()
+        row |= {name: int(part[name].sum()) for name in UNSEEN_COUNTS}
+        row["high_median"] = unseen["high"].median()
+        row["twice_high_from_ms"] = unseen["twice_high_from_ms"].median()
+        found.append(row)
+    return pd.DataFrame(found)
+
+
+def in_order_of_shapes(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the studies of differences that fade in the order of the tables."""
+    order = {shape: place for place, shape in enumerate(SHAPES)}
+    return rows.sort_values(
+        [*OF_FADING, "seed"], key=lambda column: column.replace(order), kind="stable"
+    )
+
+
 def main() -> None:
     """Judge the studies and write the table."""
     parser = argparse.ArgumentParser(
@@ -233,12 +313,16 @@ def main() -> None:
     tasks = list(product(SHAPES, DELAYS, TIME_CONSTANTS_MS, seeds))
     named = (*OF_FADING, "seed")
     run(file, FADING_COLUMNS, judged_fading, tasks, named=named, jobs=args.jobs)
-    order = {shape: place for place, shape in enumerate(SHAPES)}
-    rows = pd.read_csv(file).sort_values(
-        [*OF_FADING, "seed"], key=lambda column: column.replace(order), kind="stable"
-    )
+    rows = in_order_of_shapes(pd.read_csv(file))
     found = table_of_fading(rows)
     found.to_csv(args.out.with_name(SHAPES_TABLE), index=False, float_format="%.4g")
+    print(found.to_string(index=False))
+
+    file = args.out.with_name("verdict_unseen_studies.csv")
+    tasks = list(product(SHAPES, DELAYS, UNSEEN_MS, seeds))
+    run(file, UNSEEN_COLUMNS, judged_unseen, tasks, named=named, jobs=args.jobs)
+    found = table_of_unseen(in_order_of_shapes(pd.read_csv(file)))
+    found.to_csv(args.out.with_name(UNSEEN_TABLE), index=False, float_format="%.4g")
     print(found.to_string(index=False))
 
 

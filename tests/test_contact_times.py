@@ -22,6 +22,7 @@ from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
 from hopdata.messages import Message, Messages
 from hopdata.recordings.wording import also
+from hopdata.recordings.writers.contact_events import labels
 
 RATE_HZ = 200.0
 GRAVITY = 9.81
@@ -44,7 +45,9 @@ def falls(time, landings, *, up_s=0.24, rise_m=0.12):
     return height
 
 
-def walking(landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0):
+def walking(
+    landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0, bob_late_s=0.0
+):
     """Return a recording whose feet land at given instants, over a body that bobs."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
@@ -53,7 +56,7 @@ def walking(landings_of, *, seed=1, duration_s=4.0, with_body=True, bob_m=0.0):
     for foot, name in enumerate(names):
         positions[:, foot, 0] = 0.3 * foot
         positions[:, foot, 2] = 0.05 + falls(time, landings_of[name])
-    bob = bob_m * np.sin(2 * np.pi * time / STEP_S)
+    bob = bob_m * np.sin(2 * np.pi * (time - bob_late_s) / STEP_S)
     for number, place in enumerate([(0.1, 0.1), (0.1, -0.1), (-0.1, 0.0)]):
         positions[:, len(names) + number, :2] = place
         positions[:, len(names) + number, 2] = 0.9 + bob
@@ -117,6 +120,24 @@ def test_the_pairs_of_a_trot_land_together_in_an_order():
     assert (found.orders["probability"] > 0.99).all()
 
 
+@pytest.mark.parametrize("bob_late_s", [0.1, 0.2, 0.3, 0.4, 0.5])
+def test_what_lands_together_does_not_depend_on_the_trunk(bob_late_s):
+    """A descent of the trunk may end between the contacts of a pair, or of a jump."""
+    first = [0.7, 1.9, 3.1]
+    truth = {
+        "LF": first,
+        "RF": [instant + 0.01 for instant in first],
+        "LH": [instant + 0.14 for instant in first],
+        "RH": [instant + 0.148 for instant in first],
+    }
+    with_trunk = contacts(walking(truth, bob_m=0.05, bob_late_s=bob_late_s))
+    alone = contacts(walking(truth, with_body=False))
+    assert list(alone.orders["order"]) == ["LF > RF", "LH > RH"] * 3
+    assert list(with_trunk.orders["order"]) == list(alone.orders["order"])
+    apart_s = np.abs(with_trunk.table["contact_s"] - alone.table["contact_s"])
+    assert (apart_s < 4 * np.hypot(with_trunk.table["se_s"], alone.table["se_s"])).all()
+
+
 def test_a_landing_whose_feet_touch_at_once_is_unsure():
     found = contacts(walking({"left": [1.0], "right": [1.0003]}, bob_m=0.01))
     (order,) = found.orders.to_dict("records")
@@ -173,6 +194,16 @@ def test_events_are_the_contacts_that_can_be_trusted():
     assert found.events() == events
     with pytest.raises(ArgumentError, match="expected one of walk, found 'another'"):
         found.events("another")
+
+
+def test_events_of_four_feet_have_side_and_name():
+    names = ("LF_TOE", "RF_TOE", "LH_TOE", "RH_TOE")
+    starts = zip(names, ([1.0], [1.02], [1.1], [1.13]), strict=True)
+    events = contacts(walking(dict(starts))).events("walk")
+    assert [event.foot for event in events] == list(names)
+    assert [event.context for event in events] == ["Left", "Right"] * 2
+    told = zip(names, labels(events), strict=True)
+    assert all(name in label for name, label in told)
 
 
 def test_curves_surround_the_contacts():
@@ -359,7 +390,9 @@ def test_scatter_beside_plates_is_told_with_what_the_errors_state():
     assert beside_plates_told(table.assign(plate_s=np.nan)) == []
 
 
-@pytest.mark.parametrize("span", [(0.9, 0.8), (90.0, 91.0), 0.5, (0.1, "b")])
+@pytest.mark.parametrize(
+    "span", [(0.9, 0.8), (90.0, 91.0), 0.5, (0.1, "b"), (0.1, 0.2, 3), {"from_s": 0.1}]
+)
 def test_a_span_that_is_none_is_refused(span):
     with pytest.raises(ArgumentError, match="exclude"):
         contacts(walking(alternating()), exclude=[span])
@@ -374,6 +407,48 @@ def test_contacts_in_an_excluded_span_are_not_timed():
     assert np.abs(left - second_s).min() > 0.1
     assert len(left) == len(truth["left"]) - 1
     assert found.messages[0].code == "landings.spans_excluded"
+
+
+@pytest.mark.parametrize("is_mapping", [True, False])
+def test_the_reason_of_an_excluded_span_stands_wherever_it_is_told(is_mapping):
+    first = np.array([0.7, 1.9, 3.1])
+    recording = walking({"left": first, "right": first + 0.04}, bob_m=0.02)
+    span = (1.93, 2.2, "a person in the way")
+    if is_mapping:
+        span = dict(zip(("from_s", "to_s", "reason"), span, strict=True))
+    found = contacts(recording, exclude=[span])
+    assert "1.93 to 2.2 s (a person in the way)" in found.remarks[0]
+    hidden = found.table.query("not found")
+    assert [*hidden["foot"]] == ["right"]
+    assert [*hidden["remark"]] == ["by hand: a person in the way"]
+    text = found.methods().text
+    assert "(a person in the way) of walk were left out by hand." in text
+    without = contacts(recording, exclude=[(1.93, 2.2)])
+    assert [*without.table.query("not found")["remark"]] == [
+        "frames missing at the contact"
+    ]
+    assert "[say why]" in without.methods().text
+
+
+def test_feet_that_are_hidden_at_their_contacts_are_told_with_number_and_time():
+    first = np.array([0.7, 1.9, 3.1])
+    recording = walking({"left": first, "right": first + 0.04}, bob_m=0.02)
+    code = "landings.contacts_hidden"
+    assert code not in [one.code for one in contacts(recording).messages]
+    in_turn = contacts(walking(alternating()))
+    assert code not in [one.code for one in in_turn.messages]
+    right = recording.markers.index("right")
+    recording.positions[recording.time > 1.6, right] = np.nan
+    found = contacts(recording)
+    (told,) = [one for one in found.messages if one.code == code]
+    assert told.values["foot"] == "right"
+    assert (told.values["hidden"], told.values["landings"]) == (2, 3)
+    assert told.values["from_s"] < 1.9
+    assert told.values["to_s"] > 3.1
+    recording.positions[recording.time > 3.3, right] = 0.05  # seen again, standing
+    (again,) = [one for one in contacts(recording).messages if one.code == code]
+    assert (again.values["hidden"], again.values["landings"]) == (2, 3)
+    assert "right is hidden where it should touch in 2 of 3 landings" in str(told)
 
 
 def landed(commons):
@@ -433,7 +508,9 @@ def test_the_methods_paragraph_says_what_the_probability_of_an_order_is():
     n_sure = int(found.orders["sure"].sum())
     text = found.methods().text
     assert "independent normal errors with the standard errors" in text
-    assert f"{n_sure} have a sure order" in text
+    assert f"{n_sure} have a sure order (a probability of 0.9 or more" in text
+    surer = contacts(walking(together, bob_m=0.02), sure=0.999).methods().text
+    assert "a probability of 0.999 or more" in surer
     assert "force plate" not in text, "there is none"
     alone = contacts(walking(truth)).methods().text
     assert "sure order" not in alone

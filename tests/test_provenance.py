@@ -17,7 +17,12 @@ def forgetful():
     """Clear the caches, so that nothing cached for one package serves another."""
 
     def forget():
-        for remembered in (module._imports, module._module_files, module._sources):
+        for remembered in (
+            module._imports,
+            module._module_files,
+            module._modules,
+            module._sources,
+        ):
             remembered.cache_clear()
 
     forget()

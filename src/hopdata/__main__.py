@@ -21,6 +21,7 @@ from hopdata import __version__, products
 from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM, screened
 from hopdata.errors import HopdataError, did_you_mean
 from hopdata.foreign.settings import leave_unread
+from hopdata.foreign.working_folder import say
 
 # This module parses the command line and reports errors as one message without a
 # traceback.
@@ -83,6 +84,8 @@ def _command(given: list[str]) -> int:
 
 def _run(options: argparse.Namespace) -> int:
     command: Callable[[argparse.Namespace], int] = resolve_name(options.run)
+    if getattr(options, "scene", None) is not None:
+        say(options.scene)
     if getattr(options, "json", False):
         from hopdata.commands.answers import in_json
 
@@ -173,8 +176,9 @@ def _parser(completes: Mapping[str, Any] | None = None) -> argparse.ArgumentPars
         if entry.get("reads_file"):
             _add_options(command, TABLE["recording"], completes)
         _add_options(command, entry.get("options", []), completes)
-        if entry.get("json"):
-            _add_options(command, TABLE["json"], completes)
+        for common in ("scene", "json"):
+            if entry.get(common):
+                _add_options(command, TABLE[common], completes)
     return parser
 
 

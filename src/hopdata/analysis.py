@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -434,18 +435,35 @@ def planned(allowed: float, margin: float) -> list[float]:
     return sorted(differences)
 
 
-def require_lasting(conclusion: str, *, saturates: bool) -> None:
+def plan_notes(
+    conclusion: str, estimate: float, feet: int, *, jumps: bool
+) -> list[Message]:
+    """Return what limits a plan from a pilot with this answer, size and feet."""
+    from hopdata.maps.verdict.words import DIFFERENT, percent
+
+    notes = []
+    if jumps:
+        notes.append(Message("maps.plan_jumps"))
+    elif conclusion == DIFFERENT:
+        notes.append(Message("maps.plan_differs", {"size": percent(estimate)}))
+    if feet == 2:
+        notes.append(Message("maps.little_power"))
+    return notes
+
+
+def require_lasting(conclusion: str, *, saturates: bool, jumps: bool) -> None:
     """Raise an error if a pilot has found a difference that saturates.
 
     Where no difference was found, saturation is said of what may be hidden, and the
-    plan is for differences over the landings.
+    plan is for differences over the landings. Beside a jump of the outcome kinks that
+    are not there seem to saturate.
 
     Raises
     ------
     AnalysisError
         If it has: no number of landings is known for the simultaneous contact.
     """
-    if saturates and conclusion == "different":
+    if saturates and conclusion == "different" and not jumps:
         raise AnalysisError(Message("maps.plan_saturates"))
 
 
@@ -468,7 +486,8 @@ def plan(
     -------
     DataFrame
         ``difference`` (share of the map) and ``landings`` that show it with the
-        verdict's power.
+        verdict's power. What limits the plan, if the pilot differs or has two feet, is
+        a warning, and stands in ``attrs["notes"]``.
 
     Raises
     ------
@@ -486,7 +505,8 @@ def plan(
         raise AnalysisError(
             f"pilot: expected an answer to plan from: {verdict.sentence}"
         )
-    require_lasting(verdict.conclusion, saturates=verdict.saturates)
+    jumps = verdict.jump is not None and verdict.jump.low > 0.0
+    require_lasting(verdict.conclusion, saturates=verdict.saturates, jumps=jumps)
     effect = verdict.effect
     if differences is None:
         differences = planned(effect.least_allowed, verdict.margin)
@@ -495,4 +515,10 @@ def plan(
         effect.landings_needed(verdict.n_landings, size, verdict.n_feet)
         for size in sizes
     ]
-    return pd.DataFrame({"difference": sizes, "landings": needed})
+    table = pd.DataFrame({"difference": sizes, "landings": needed})
+    size = verdict.effect.estimate
+    notes = plan_notes(verdict.conclusion, size, verdict.n_feet, jumps=jumps)
+    table.attrs["notes"] = [str(note) for note in notes]
+    for note in table.attrs["notes"]:
+        warnings.warn(note, stacklevel=3)
+    return table

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
-from math import floor
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,7 @@ def contact_methods(
     recordings: Sequence[Recording],
     messages: Sequence[Message],
     method: str = "kink",
+    sure: float = 0.9,
 ) -> Methods:
     """Return the methods paragraph of some contacts, with the references it cites.
 
@@ -49,12 +49,14 @@ def contact_methods(
         What was told of them.
     method : str
         The method that timed the contacts.
+    sure : float
+        Probability from which on an order is sure.
     """
     parts = [
         _of_recordings(recordings),
         _by_method(method),
         *_of_contacts(table, len(orders)),
-        *_of_orders(orders),
+        *_of_orders(orders, sure),
         *_of_messages(messages),
         _of_software(),
     ]
@@ -108,7 +110,7 @@ def _of_contacts(table: pd.DataFrame, n_landings: int) -> Iterator[Message]:
         yield Message("report.contacts_remarked", values)
 
 
-def _of_orders(orders: pd.DataFrame) -> Iterator[Message]:
+def _of_orders(orders: pd.DataFrame, least: float) -> Iterator[Message]:
     """Say what the probability of an order is, and how many orders are sure."""
     ordered = orders[orders["probability"].notna()]
     if ordered.empty:
@@ -117,12 +119,8 @@ def _of_orders(orders: pd.DataFrame) -> Iterator[Message]:
     values: dict[str, Any] = {
         "ordered": counted(len(ordered), "landing"),
         "sure": len(sure),
-        "least": "",
+        "least": f"{least:g}",
     }
-    if len(sure):
-        # Rounded down, so that it holds of all of them.
-        least = {"probability": f"{floor(100 * sure['probability'].min()) / 100:.2f}"}
-        values["least"] = Message("report.contacts_least_sure", least)
     yield Message("report.methods_order_probability")
     yield Message("report.contacts_orders", values)
 
@@ -131,7 +129,10 @@ def _of_messages(messages: Sequence[Message]) -> Iterator[Message]:
     """Say what was left out, and how contacts compare with force plates."""
     for one in messages:
         if one.code == "landings.spans_excluded":
-            yield Message("report.contacts_excluded", one.values)
+            why: Any = ""
+            if not one.values["all_have_reasons"]:
+                why = Message("report.contacts_excluded_why")
+            yield Message("report.contacts_excluded", {**one.values, "why": why})
         if one.code == "landings.contacts_beside_plates":
             yield Message("report.contacts_plates", one.values)
 

@@ -29,6 +29,7 @@ from hopdata.landings.contact_rows import (
     COLUMNS,
     MOST_NAMED,
     contact_rows,
+    hidden_contacts,
     landed,
     order_rows,
     order_table,
@@ -38,7 +39,11 @@ from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.contacts.one_foot import one_foot_remarks
 from hopdata.landings.contacts.remarks import contact_remarks, resampled_remarks
-from hopdata.landings.excluded_spans import without_spans
+from hopdata.landings.excluded_spans import (
+    excluded_spans,
+    with_reasons,
+    without_spans,
+)
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
 from hopdata.messages import Lines, Message, Messages
@@ -101,6 +106,8 @@ class ContactTimes(Shown):
         The recordings, levelled: each foot rests at height 0.
     method : str
         The method that timed them (`hopdata.landings.contacts.timing.METHODS`).
+    sure_from : float
+        Probability from which on an order is sure.
     """
 
     table: pd.DataFrame
@@ -108,6 +115,7 @@ class ContactTimes(Shown):
     messages: Messages
     recordings: tuple[Recording, ...]
     method: str = "kink"
+    sure_from: float = SURE
 
     @property
     def found(self) -> pd.DataFrame:
@@ -176,6 +184,7 @@ class ContactTimes(Shown):
             recordings=self.recordings,
             messages=self.messages,
             method=self.method,
+            sure=self.sure_from,
         )
 
     def curves(self, orders: pd.DataFrame | None = None) -> pd.DataFrame:
@@ -325,7 +334,7 @@ def contacts(
     floor: Mapping[str, Any] | None = None,
     sure: float = SURE,
     files: Sequence[str | Path | Sequence[str | Path]] = (),
-    exclude: Sequence[tuple[float, float]] = (),
+    exclude: Sequence[Any] = (),
     **options: Any,
 ) -> ContactTimes:
     """Time the contacts of all feet, from the first landing on.
@@ -350,11 +359,13 @@ def contacts(
         The file of each recording, or its files in order of time; by default those
         that they were read from. The contacts are compared with the onsets of the
         force plates in them.
-    exclude : sequence of (begin, end)
+    exclude : sequence of (begin, end) or (begin, end, reason)
         Spans, s, whose frames count as unseen in all recordings, such as those with
-        exchanged markers. A foot that comes down in them is not timed, or less surely
-        from the frames beside them. Of a landing half inside, the feet outside are
-        timed; a landing wholly inside has no row.
+        exchanged markers, each with a reason that is told; or ``from_s``, ``to_s`` and
+        ``reason`` of each, as in the configuration. A foot that comes down in them is
+        not timed, or less surely from the frames beside them. Of a landing half inside,
+        the feet outside are timed; a landing wholly inside has no row, and no number:
+        compare tables with and without it by time.
     **options
         Options of `hopdata.landings.contacts.find.find_study_landings`, such as
         ``gravity``.
@@ -382,13 +393,14 @@ def contacts(
     5
     """
     _check_options(sure, floor or {}, options)
+    spans = excluded_spans(exclude)
     several, of_files = _as_several(recordings)
     require_distinct(several)
     remarks: list[Message] = []
     levelled = []
     for recording in several:
         known, guessed = with_feet(recording, named_feet(feet))
-        known, left_out = without_spans(known, exclude)
+        known, left_out = without_spans(known, spans)
         remarks += left_out
         remarks += one_foot_remarks(known)
         ready, on_floor = _levelled(known, floor or {})
@@ -411,20 +423,24 @@ def contacts(
         of_recording = landed(landings, ready.names("foot"))
         remarks += untimed(ready, landings)
         rows += contact_rows(ready, of_recording)
+        remarks += hidden_contacts(ready, of_recording)
         orders += order_rows(ready, of_recording, sure)
         if not len(of_recording):
             remarks.append(Message("landings.no_landing", {"recording": ready.name}))
     table = pd.DataFrame(rows, columns=list(COLUMNS))
+    of_landings = order_table(orders)
+    table = with_reasons(table, of_landings, spans)
     files = files or of_files
     if len(files):
         table, of_plates = _with_plates(table, levelled, files)
         remarks += of_plates
     return ContactTimes(
         table=table,
-        orders=order_table(orders),
+        orders=of_landings,
         messages=Messages(remarks),
         recordings=tuple(levelled),
         method=options.get("method", "kink"),
+        sure_from=sure,
     )
 
 
@@ -534,6 +550,7 @@ def joined_times(parts: Sequence[ContactTimes], names: Sequence[str]) -> Contact
         messages=Messages(remark for part in parts for remark in part.messages),
         recordings=tuple(recordings[name] for name in names),
         method=parts[0].method,
+        sure_from=parts[0].sure_from,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -12,6 +13,7 @@ from typing import Any
 from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, HopdataError
+from hopdata.messages import Message
 
 logger = logging.getLogger("hopdata")
 # Most studies that a page shows one by one; it sums up more of them.
@@ -19,6 +21,10 @@ MOST_ONE_BY_ONE = 100
 # The size and its ends, which a row also has over the landings: that of the contact is
 # another where the difference saturates.
 SIZES = ("estimate", "low", "high", "upper_bound")
+# Answers, as `hopdata.maps.verdict.words` has them, which takes SciPy to import.
+DIFFERENT = "different"
+NO_DIFFERENCE = "no difference"
+CANNOT_TELL = "cannot tell"
 # Most subjects that a sentence names.
 MOST_NAMED = 5
 
@@ -56,6 +62,8 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
 
     reason = ""
     study = Study(load_config(member["config"]))
+    # They are known even if the rest of the study fails.
+    row["contacts"] = contacts_of(study.touchdowns)
     verdict = study.verdict
     if verdict.effect is None:
         reason = "; ".join(note["reason"] for note in verdict.notes)
@@ -78,7 +86,62 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     row["landings_needed"] = verdict.landings_needed
     row["decided_by"] = verdict.decided_by
     row["quality"] = [[check["what"], check["status"]] for check in checks]
+    row["what_now"] = list(verdict.what_now)
     return reason
+
+
+def contacts_of(touchdowns: pd.DataFrame) -> dict[str, Any]:
+    """Return what is known of the contacts of a study, whatever its verdict.
+
+    Parameters
+    ----------
+    touchdowns : DataFrame
+        The table of touchdowns of the study.
+
+    Returns
+    -------
+    dict
+        ``landings``, those in which a foot of the study lands; ``timed``, those of them
+        whose contacts are all known, also if the maps do not use them; ``feet``, a list
+        of ``foot``, ``se_s`` (median standard error, s) and ``common_s`` (error that
+        all contacts of the foot may share, s), None if not known; ``orders``, a list of
+        ``order``, ``seen`` and ``sure`` (landings), the most frequent first.
+    """
+    from hopdata.feet import foot_names, with_foot_names
+
+    names = foot_names(touchdowns.columns)
+    instants = touchdowns[[f"contact_{name}_s" for name in names]]
+    timed = touchdowns[instants.notna().all(axis=1)]
+    landed = instants.notna().any(axis=1)
+    feet = []
+    for name in names:
+        error_s = timed[f"se_{name}_s"].median() if f"se_{name}_s" in timed else None
+        common_s = None
+        if f"common_{name}_s" in timed:
+            common_s = timed[f"common_{name}_s"].max()
+        feet.append(
+            {"foot": name, "se_s": _known(error_s), "common_s": _known(common_s)}
+        )
+    ordered = timed[timed["schedule"].fillna("") != ""]
+    orders: list[dict[str, Any]] = []
+    for schedule, own in ordered.groupby("schedule"):
+        sure = own["order_class"] != "ambiguous"
+        order = with_foot_names(str(schedule), names)
+        orders.append({"order": order, "seen": len(own), "sure": int(sure.sum())})
+    orders.sort(key=lambda one: (-one["seen"], one["order"]))
+    return {
+        "landings": int(landed.sum()),
+        "timed": len(timed),
+        "feet": feet,
+        "orders": orders,
+    }
+
+
+def _known(value: float | None) -> float | None:
+    """Return a number that JSON can hold; None if it is not known."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(value)
 
 
 def _write_page_without_answer(name: str, reason: str, folder: Path) -> None:
@@ -100,50 +163,125 @@ def put_together(
     -------
     dict
         ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason
-        in the sentence), ``conditions`` (rows of `compare_conditions`), ``members`` and
+        in the sentence, or if there are conditions), ``by_condition`` (for each of two
+        conditions or more its ``condition``, ``subjects``, ``conclusion``, ``sentence``
+        and ``effect``), ``conditions`` (rows of `compare_conditions`), ``members`` and
         the ``version`` of hopdata.
     """
-    from hopdata.maps.verdict.group import compare_conditions, judge_group, told_apart
+    from hopdata.maps.verdict.group import judge_group
 
     answered = pd.DataFrame([row for row in rows if not row["reason"]])
-    found: dict[str, Any] = {
+    answer: dict[str, Any] = {"by_condition": [], "conditions": []}
+    try:
+        _require_answers(rows, answered)
+        if len({row["condition"] for row in rows}) > 1:
+            answer |= _of_conditions(rows, answered, group["verdict"])
+        else:
+            effect = judge_group(answered, **group["verdict"])
+            sentence = " ".join([effect.sentence, *_beside(rows)])
+            answer |= {"conclusion": effect.conclusion, "sentence": sentence}
+            answer["effect"] = asdict(effect)
+    except AnalysisError as error:
+        sentence = f"These data cannot tell: {error}."
+        answer |= {"conclusion": CANNOT_TELL, "sentence": sentence, "effect": None}
+    return {
+        "conclusion": answer["conclusion"],
+        "sentence": answer["sentence"],
+        "effect": answer["effect"],
         "study": group["study"],
         "version": __version__,
         "margin": group["verdict"]["margin"],
         "confidence": group["verdict"]["confidence"],
         "members": list(rows),
-        "conditions": [],
+        "by_condition": answer["by_condition"],
+        "conditions": answer["conditions"],
     }
+
+
+def _of_conditions(
+    rows: Sequence[Mapping[str, Any]],
+    answered: pd.DataFrame,
+    options: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Judge each condition, and compare them within subjects.
+
+    They are not pooled: what is true of all together may be true of none.
+    """
+    from hopdata.maps.verdict.group import compare_conditions, conditions_said
+
+    names = list(dict.fromkeys(row["condition"] for row in rows))
+    judged = [_of_one(name, answered, options) for name in names]
+    confidence = options["confidence"]
+    compared = compare_conditions(answered, confidence=confidence)
+    said = [
+        str(
+            Message(
+                "maps.in_condition",
+                {"condition": one["condition"], "answer": one["sentence"]},
+            )
+        )
+        for one in judged
+    ]
+    said += _beside(rows)
+    between = conditions_said(compared, confidence=confidence)
+    if between:
+        said.append(between)
+    return {
+        "conclusion": _conclusion_of([one["conclusion"] for one in judged]),
+        "sentence": " ".join(said),
+        "effect": None,
+        "by_condition": judged,
+        "conditions": compared.to_dict("records"),
+    }
+
+
+def _of_one(
+    condition: str, answered: pd.DataFrame, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the answer of one condition."""
+    from hopdata.maps.verdict.group import judge_group
+
+    members = answered[answered["condition"] == condition]
+    found: dict[str, Any] = {"condition": condition, "subjects": len(members)}
     try:
-        _require_answers(rows, answered)
-        effect = judge_group(answered, **group["verdict"])
+        effect = judge_group(members, **options)
     except AnalysisError as error:
         sentence = f"These data cannot tell: {error}."
         return {
-            "conclusion": "cannot tell",
+            **found,
+            "conclusion": CANNOT_TELL,
             "sentence": sentence,
             "effect": None,
-            **found,
         }
-    confidence = group["verdict"]["confidence"]
-    conditions = compare_conditions(answered, confidence=confidence)
-    found["conditions"] = conditions.to_dict("records")
-    sentence = effect.sentence
-    jumps = sum(row.get("decided_by") == "jump" for row in rows)
-    if jumps:
-        sentence += (
-            f" The outcome jumps in {jumps} of them, which the size does not show."
-        )
-    without = len(rows) - len(answered)
-    if without:
-        sentence += f" Without an answer: {without} of {len(rows)} studies."
-    sentence += told_apart(conditions, confidence=confidence)
-    answer: dict[str, Any] = {
+    return {
+        **found,
         "conclusion": effect.conclusion,
-        "sentence": sentence,
+        "sentence": effect.sentence,
         "effect": asdict(effect),
     }
-    return {**answer, **found}
+
+
+def _conclusion_of(conclusions: Sequence[str]) -> str:
+    """Return the conclusion on all conditions: that which holds whatever the others."""
+    if DIFFERENT in conclusions:
+        return DIFFERENT
+    if {*conclusions} == {NO_DIFFERENCE}:
+        return NO_DIFFERENCE
+    return CANNOT_TELL
+
+
+def _beside(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return sentences on the studies that jump, and on those without an answer."""
+    said = []
+    jumps = sum(row.get("decided_by") == "jump" for row in rows)
+    if jumps:
+        said.append(
+            f"The outcome jumps in {jumps} of them, which the size does not show."
+        )
+    without = sum(bool(row["reason"]) for row in rows)
+    if without:
+        said.append(f"Without an answer: {without} of {len(rows)} studies.")
+    return said
 
 
 def one_by_one(rows: Sequence[Mapping[str, Any]]) -> bool:

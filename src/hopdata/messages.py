@@ -17,6 +17,8 @@ from typing import Any
 
 PACKAGE = Path(__file__).parent
 ENGLISH = "en"
+# Ending of the templates for readers of a terminal.
+IN_SHELL = "_in_shell"
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,18 @@ class Message:
             is_message = isinstance(value, Mapping) and "code" in value
             values[name] = cls.from_dict(value) if is_message else value
         return cls(content["code"], values)
+
+
+def in_shell(message: Message) -> Message:
+    """Return a message in the words for a reader of a terminal.
+
+    Where these differ from those for Python, such as an option in place of an argument,
+    a second template has ``_in_shell`` at the end of its name.
+    """
+    room, _, name = message.code.partition(".")
+    if f"{name}{IN_SHELL}" not in _templates(room, ENGLISH):
+        return message
+    return Message(f"{message.code}{IN_SHELL}", message.values)
 
 
 class Messages(tuple[Message, ...]):

@@ -6,7 +6,8 @@ at fixed places in its folder, all of which may be missing:
 - ``config/schema.yaml``: one block of the configuration, named as the product;
 - ``config/consistency.py``: ``mistakes(config)`` yields what does not fit in the block;
 - ``commands/commands.toml``: commands, as in ``hopdata/commands/commands.toml``, and
-  targets, which ``hopdata run`` makes by their names;
+  targets, which ``hopdata run`` makes by their names; and ``[extras]``, the texts by
+  which ``hopdata doctor`` says what an extra of the installation brings it;
 - ``figures/catalogue.toml``: figures, as in ``hopdata/figures/catalogue.toml``;
 - ``workflow/rules.smk``: rules, included in the workflow after those of the study.
 
@@ -86,12 +87,17 @@ class Product:
         """
         return self._of_command_line("targets")
 
-    def _of_command_line(self, kind: str) -> dict[str, dict[str, Any]]:
+    def extras(self) -> dict[str, str]:
+        """Return what extras of the installation bring the product, by their names."""
+        texts = self._of_command_line("extras")
+        return {name: str(text) for name, text in texts.items()}
+
+    def _of_command_line(self, kind: str) -> dict[str, Any]:
         file = self.folder / "commands" / "commands.toml"
         if not file.is_file():
             return {}
         found: dict[str, Any] = tomllib.loads(file.read_text("utf-8"))
-        entries: dict[str, dict[str, Any]] = found.get(kind, {})
+        entries: dict[str, Any] = found.get(kind, {})
         return entries
 
     def mistakes(self, config: Mapping[str, Any]) -> Iterable[str]:

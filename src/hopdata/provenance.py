@@ -139,12 +139,26 @@ def _imported_in(text: str) -> frozenset[Path]:
 
 @cache
 def _module_files(name: str) -> frozenset[Path]:
-    package, *parts = name.split(".")
-    if package != PACKAGE.name:
-        return frozenset()
-    bases = [PACKAGE.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
-    packages = {base / "__init__.py" for base in bases}
-    return _sources() & packages.union(base.with_suffix(".py") for base in bases)
+    """Return the files of a module and of the packages that it is in."""
+    package, _, _ = name.rpartition(".")
+    own = _modules().get(name, frozenset())
+    if not package:
+        return own
+    return own | _module_files(package)
+
+
+@cache
+def _modules() -> dict[str, frozenset[Path]]:
+    """Return the files of each module, by its name."""
+    files: dict[str, frozenset[Path]] = {}
+    for source in _sources():
+        *folders, file = source.relative_to(PACKAGE.parent).parts
+        module = file.removesuffix(".py")
+        if module != "__init__":
+            folders.append(module)
+        name = ".".join(folders)
+        files[name] = files.get(name, frozenset()) | {source}
+    return files
 
 
 @cache

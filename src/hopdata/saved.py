@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -180,13 +180,20 @@ class SavedGroup(Shown):
 
     @property
     def verdict(self) -> GroupVerdict | None:
-        """The model behind the answer; None if too few members have one."""
-        from hopdata.maps.verdict.group import Combined, GroupVerdict
+        """The model behind the answer.
 
-        effect = self._content["effect"]
-        if effect is None:
-            return None
-        return GroupVerdict(**{**effect, "combined": Combined(**effect["combined"])})
+        None if too few members have one, and for a group with conditions: each has its
+        own, see `by_condition`.
+        """
+        return _group_verdict(self._content["effect"])
+
+    @property
+    def by_condition(self) -> dict[str, GroupVerdict | None]:
+        """The model behind the answer of each condition; empty without conditions."""
+        return {
+            one["condition"]: _group_verdict(one["effect"])
+            for one in self._content.get("by_condition", [])
+        }
 
     @property
     def members(self) -> pd.DataFrame:
@@ -365,3 +372,12 @@ def _require_new_names(file: Path, table: pd.DataFrame) -> None:
         wanted = "touchdowns that count from 1"
         found = "one that is 0, as before; run the study again"
         raise AnalysisError.at(file, wanted, found)
+
+
+def _group_verdict(effect: Mapping[str, Any] | None) -> GroupVerdict | None:
+    """Return the model of a group from its file; None if there is none."""
+    from hopdata.maps.verdict.group import Combined, GroupVerdict
+
+    if effect is None:
+        return None
+    return GroupVerdict(**{**effect, "combined": Combined(**effect["combined"])})

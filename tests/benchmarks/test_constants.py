@@ -246,3 +246,23 @@ def test_constants_that_move_nothing_together_are_not_tried_alone(package, trial
         ("moved", "MOST_MISSING"): "0.3000",
         ("moved", "FRAMES"): "0.2000",
     }
+
+
+def test_a_value_with_which_no_study_runs_moves_nothing():
+    usual = constants.Moved(
+        *("landings/a.py", "A", "x 1.5", "sample", "", "no difference"),
+        *("0.0390", "0.1340", "1622", "+0.000", "+0.000", "0.0000", "0"),
+    )
+    words = "ValueError: Quantiles must be in [0, 1]"
+    ended = replace(usual, name="B", conclusion=words)
+    ended = replace(ended, estimate="", bound="", n_used="", quality="")
+    rows = [usual, usual, ended]
+    said = constants.usual_of(rows)[constants.run_of(usual)]
+    assert not constants.is_large(ended, said)
+    assert constants.moves(ended, said) == ""
+    assert not constants.is_impossible(usual)
+    assert constants.impossible_values([usual]) == []
+    table = constants.impossible_values(rows)
+    assert "| `B` (landings/a.py) | sample x 1.5: ValueError: Quantiles" in table[-2]
+    page = constants.summary(rows)
+    assert any(line.startswith("Of 2 numbers that were tried, 2 move") for line in page)

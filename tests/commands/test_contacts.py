@@ -13,7 +13,13 @@ from written_files import write_c3d
 
 import hopdata as hd
 from hopdata.__main__ import main
-from hopdata.commands.contacts import Trial, _is_of_maps, name_apart, one_of_a_kind
+from hopdata.commands.contacts import (
+    Trial,
+    _is_of_maps,
+    _notes_of,
+    name_apart,
+    one_of_a_kind,
+)
 from hopdata.commands.contacts_instead import write_few
 from hopdata.config.loading import load_config
 from hopdata.messages import Message
@@ -100,6 +106,23 @@ def test_markers_are_joined_to_a_foot_and_the_first_counts(recording, tmp_path, 
     first = of_apart[of_apart["foot"] != "toe3"].groupby("landing")["contact_s"].min()
     of_left = of_joined[of_joined["foot"] == "left"].set_index("landing")["contact_s"]
     assert np.abs(first - of_left).max() < 0.004
+    given = ["--feet", "left=toe1", "right=toe3", "--events", "csv"]
+    assert main(["contacts", str(recording), *given]) == 0
+    (events,) = Path().glob("*_contacts.csv")
+    assert set(pd.read_csv(events)["context"]) == {"Left", "Right"}
+
+
+def test_files_are_written_before_anything_is_printed(recording, monkeypatch):
+    # A pipe into `head` ends the command with the first lines.
+    there = []
+
+    def show(*_given, **_options):
+        there.extend(file.name for file in Path().glob("*.csv"))
+
+    monkeypatch.setattr("hopdata.commands.contacts.show", show)
+    given = ["contacts", str(recording), "--out", "c.csv", "--events", "csv"]
+    assert main(given) == 0
+    assert {"c.csv", "c_orders.csv", f"{recording.stem}_contacts.csv"} <= {*there}
 
 
 def test_tables_and_page_are_written(recording, tmp_path, capsys):
@@ -175,6 +198,13 @@ def test_frames_of_a_span_can_count_as_unseen(recording, tmp_path, capsys):
     assert len(kept) > 0.6 * len(instants)
     assert main([*given, "--exclude", span[0]]) == 1
     assert "begin and end of each span" in capsys.readouterr().err
+    reasons = ["--reason", "one", "two"]
+    assert main([*given, "--exclude", *span, *reasons]) == 1
+    assert "one for each of 1 spans" in capsys.readouterr().err
+    assert main([*given, "--exclude", *span, "--reason", "a shoe came off"]) == 0
+    assert "s (a shoe came off) count as unseen" in capsys.readouterr().out
+    assert main([*given, "--reason", "none"]) == 1
+    assert "spans of --exclude with it" in capsys.readouterr().err
 
 
 def test_a_marker_that_is_not_there_is_refused(recording, capsys):
@@ -276,6 +306,25 @@ def test_a_name_that_another_file_has_is_not_given_to_a_second():
     name_apart(trials)
     names = [one.recording.name for one in trials]
     assert names == ["jump", "jump_3", "jump_2", "jump_4"]
+
+
+def test_what_is_true_of_several_files_is_told_once():
+    """Only the files before the notes differ; a note without a file stays as it is."""
+    one = Recording.from_arrays(
+        [0.0, 0.01], np.zeros((2, 1, 3)), ["toe"], feet=["toe"], body=[], name="jump"
+    )
+    notes = ("feet guessed: toe", "one of its own")
+    trials = [
+        Trial(one, (Path(name),), notes=tuple(f"{name}: {note}" for note in notes[:n]))
+        for name, n in (("a.c3d", 1), ("b.c3d", 2), ("c.c3d", 1))
+    ]
+    assert _notes_of(trials) == [
+        "a.c3d and 2 other files: feet guessed: toe",
+        "b.c3d: one of its own",
+    ]
+    assert _notes_of([Trial(one, (Path("d.c3d"),), notes=("as it is",))]) == [
+        "as it is"
+    ]
 
 
 BODY = ("hip1", "hip2", "hip3")

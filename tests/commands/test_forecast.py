@@ -388,6 +388,7 @@ def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
     touchdowns = pd.DataFrame(
         columns | {"contact_a_s": 0.0, "contact_b_s": 0.0}, index=range(30)
     )
+    touchdowns.loc[:3, "schedule"] = "2>1"
     config = {
         "markers": {"body": [], "feet": ["a", "b"]},
         "verdict": {"margin": 0.2},
@@ -401,5 +402,8 @@ def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
     ):
         words = "no two feet, in one contact order"
         found = forecast.Forecast(touchdowns, 1.0, reason=words, code=code)
-        codes = [change.code for change in forecast.changes(found, config, [])]
+        changes = forecast.changes(found, config, [])
+        codes = [change.code for change in changes]
         assert codes.count("commands.vary_the_order") == varies
+        told = "of 30 landings, 26 have one contact order"
+        assert sum(told in str(change) for change in changes) == varies

@@ -6,13 +6,16 @@ import io
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from made_up_hopper import hopping
 from made_up_lab import SUBJECTS, static, trial, write_lab, write_trc
 from written_files import write_c3d
 
 from hopdata.__main__ import main
+from hopdata.commands.lab import _unfit
 from hopdata.config.loading import load_config, read_yaml
+from hopdata.recording import Recording
 from hopdata.samples import read_group
 
 
@@ -48,7 +51,7 @@ def test_a_lab_becomes_a_group_with_all_its_trials_and_nothing_else(initialised)
     content = read_yaml("config/mylab.yaml")
     assert content["samples"] == "config/mylab.tsv"
     assert content["markers"]["feet"] == ["toe1", "toe2", "toe3"]
-    assert "  6 of 14 files are trials with landings" in out
+    assert "  6 of 14 files are in the study: trials with landings, each once" in out
     assert "  3 subjects, by folder" in out
 
 
@@ -164,7 +167,28 @@ def test_trials_in_which_nothing_lands_are_left_out(folder, capsys):
     assert main(["init", "day"]) == 0
     out = capsys.readouterr().out
     assert "left out: carried.c3d: " in out
-    assert "1 of 2 files are trials with landings" in out
+    assert "1 of 2 files are in the study" in out
+
+
+@pytest.mark.parametrize(
+    ("raised_m", "code"),
+    [(0.08, "lab_lands_without_descent"), (0.0, "lab_nothing_lands")],
+)
+def test_feet_that_land_while_the_body_rises_are_told_from_none(raised_m, code):
+    time = np.arange(300) / 100
+    # Two feet fall freely to the floor at 1.5 s, one 20 ms after the other.
+    fallen = [np.clip((instant - time) / 0.128, 0, 1) for instant in (1.5, 1.52)]
+    left, right = (np.where(part < 1, raised_m * part**2, 0.0) for part in fallen)
+    left[:137] = right[:139] = raised_m
+    left[:100] = right[:100] = 0.0
+    body = 0.5 + 0.1 * time
+    positions = np.random.default_rng(1).normal(0, 3e-4, (300, 5, 3))
+    positions[..., 2] += np.stack([body, body, body + 0.1, left, right], axis=1)
+    positions[..., 0] += [0, 0.2, 0.1, 0, 0.3]
+    markers = ("b1", "b2", "b3", "l", "r")
+    roles = ("body",) * 3 + ("foot",) * 2
+    reason = _unfit(Recording("rising", time, positions, markers, roles, 100.0))
+    assert reason.code == f"recordings.{code}"
 
 
 def test_a_copy_under_another_name_counts_once(folder, capsys):
@@ -172,7 +196,14 @@ def test_a_copy_under_another_name_counts_once(folder, capsys):
     shutil.copy(folder / "a.c3d", folder / "z.c3d")
     write_c3d(folder / "b.c3d", trial(2, n_frames=300))
     assert main(["init", "day"]) == 0
-    assert "left out: z.c3d: the same positions as in a.c3d" in capsys.readouterr().out
+    told = "left out: z.c3d: the same positions as in a.c3d"
+    printed = capsys.readouterr().out
+    assert told in printed
+    assert "--keep-copies keeps them" in printed
+    assert main(["init", "day", "--force", "--keep-copies"]) == 0
+    printed = capsys.readouterr().out
+    assert "--keep-copies" not in printed
+    assert "3 of 3 files are in the study" in printed
 
 
 def test_a_folder_goes_from_init_over_check_to_run(folder, capfd):

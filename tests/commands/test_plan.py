@@ -80,6 +80,28 @@ def test_what_may_be_hidden_may_saturate(tmp_path, capsys):
     assert "differences over the landings" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({}, []),
+        ({"n_feet": 2}, ["Two feet give little power"]),
+        ({"conclusion": "different"}, ["The pilot differs, by 40 %."]),
+        # Beside a jump kinks that are not there seem to saturate.
+        (
+            {"conclusion": "different", "saturates": True, "jump": {"low": 0.1}},
+            ["The pilot's outcome jumps"],
+        ),
+    ],
+)
+def test_a_plan_says_what_it_rests_on(tmp_path, capsys, more, said):
+    effect = PILOT["effect"] | {"estimate": 0.4}
+    pilot = PILOT | {"effect": effect} | more
+    assert main(["plan", written(tmp_path, pilot)]) == 0
+    out = capsys.readouterr().out
+    assert out.count("note: ") == len(said)
+    assert all(f"note: {words}" in out for words in said)
+
+
 def test_a_small_pilot_is_planned_by_the_landings_that_a_large_study_uses(
     tmp_path, capsys
 ):

@@ -17,6 +17,7 @@ from checkouts import part_of_sample
 from hopdata import __version__
 from hopdata.__main__ import main
 from hopdata.bundled import SNAKEFILE
+from hopdata.commands.bringing import bring_recording
 from hopdata.commands.run import _Run, _tell_early, read_inputs
 from hopdata.commands.workflow import run_workflow
 
@@ -496,6 +497,18 @@ def test_a_bundled_configuration_is_brought_with_the_files_that_it_names(
         Path(more).write_text("mine")
         main(["run", f"config/{name}.yaml"])
         assert Path(more).read_text() == "mine"
+
+
+def test_a_recording_of_the_sample_is_brought_to_where_pages_name_it(folder):
+    file = Path("data/sample/RBDS001runT25markers.tsv")
+    bring_recording(file)
+    assert file.read_bytes() == (ROOT / file).read_bytes()
+    file.write_text("mine")
+    bring_recording(file)
+    assert file.read_text() == "mine"
+    for other in ("data/sample/none.tsv", "sample/hopper.h5", "data/../README.md"):
+        bring_recording(Path(other))
+        assert not Path(other).exists()
 
 
 NO_LOCKS = """

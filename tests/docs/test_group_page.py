@@ -31,10 +31,8 @@ def conditions_of(number, shift):
     return rows
 
 
-@pytest.mark.parametrize("shift", [0.0, -0.06])
-def test_the_lines_compute_every_number_of_the_group(tmp_path, monkeypatch, shift):
-    rows = conditions_of(12, shift)
-    effect = put_together(rows, GROUP)["effect"]
+def scope_of_the_lines(rows, tmp_path, monkeypatch):
+    """Return what the lines of the page compute from the table of these rows."""
     table = tmp_path / "results/jumps/tables/group.csv"
     table.parent.mkdir(parents=True)
     write_table(table, pd.DataFrame(rows).drop(columns=["further", "quality"]))
@@ -42,10 +40,39 @@ def test_the_lines_compute_every_number_of_the_group(tmp_path, monkeypatch, shif
     (block,) = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     scope = {}
     exec(compile(block, "docs/group.md", "exec"), scope)
+    return scope
 
-    of_model = [item.name for item in fields(Combined)]
-    for name in of_model:
-        assert scope[name] == pytest.approx(effect["combined"][name], rel=1e-6), name
+
+def require_same(ours, effect):
+    for name in [item.name for item in fields(Combined)]:
+        of_model = effect["combined"][name]
+        assert ours["combined"][name] == pytest.approx(of_model, rel=1e-6), name
     for name in OF_GROUP:
-        assert scope[name] == pytest.approx(effect[name], rel=1e-6), name
-    assert (effect["low"] > 0.0) == (shift == 0.0)
+        assert ours[name] == pytest.approx(effect[name], rel=1e-6), name
+
+
+@pytest.mark.parametrize("shift", [0.0, -0.06])
+def test_the_lines_compute_every_number_of_a_group(tmp_path, monkeypatch, shift):
+    rows = [{**row, "condition": ""} for row in conditions_of(12, shift)]
+    rows = [{**row, "subject": f"s{k}"} for k, row in enumerate(rows)]
+    found = put_together(rows, GROUP)
+    assert (found["effect"]["low"] > 0.0) == (shift == 0.0)
+    assert found["by_condition"] == []
+    scope = scope_of_the_lines(rows, tmp_path, monkeypatch)
+    require_same(scope["effect"], found["effect"])
+
+
+def test_the_lines_compute_every_number_of_each_condition(tmp_path, monkeypatch):
+    """Subjects are in one condition or in both, so that not all are compared."""
+    rows = conditions_of(12, 0.0)
+    found = put_together(rows, GROUP)
+    assert found["effect"] is None
+    scope = scope_of_the_lines(rows, tmp_path, monkeypatch)
+    assert [one["condition"] for one in found["by_condition"]] == ["a", "b"]
+    for one in found["by_condition"]:
+        require_same(scope["by_condition"][one["condition"]], one["effect"])
+    (row,) = found["conditions"]
+    ours = scope["conditions"]["a", "b"]
+    for name, number in ours.items():
+        assert row[name] == pytest.approx(number, rel=1e-6), name
+    assert row["n"] < max(one["subjects"] for one in found["by_condition"])

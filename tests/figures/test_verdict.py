@@ -211,6 +211,20 @@ def test_a_foot_has_one_colour_and_mark_in_all_rows():
     assert len(set.union(*looks.values())) == 3
 
 
+@pytest.mark.parametrize(
+    ("names", "beside"),
+    [("LFHOOF RFHOOF LHHOOF RHHOOF", False), ("left1 left2 right1 right2", True)],
+)
+def test_names_of_feet_stand_beside_their_marks_if_they_fit(names, beside):
+    """Capitals are wider than small letters; a legend has what does not fit."""
+    table = touchdowns("1>2>3>4", "2>1>3>4")
+    for name in names.split():
+        table[f"contact_{name}_s"] = 1.0
+    (axes,) = verdict_figure(verdict("cannot tell", effect=None), table).axes
+    assert (names.split()[0] in texts(axes)) == beside
+    assert (axes.get_legend() is None) == beside
+
+
 @pytest.mark.parametrize("n_orders", [6, 24, 40])
 def test_many_orders_fit_and_the_rarest_are_counted_together(n_orders):
     every = islice(permutations("12345"), n_orders)

@@ -34,10 +34,10 @@ def slip(t, y, dy, mode, params, h, hdot):
 
 @on_event
 def sticks(t, y, mode, params, guard, direction):
-    if abs(direction) == 2:
+    # Static friction may hold where the kinetic one lets the block cross (1 or -1).
+    mode[1] = 0
+    if abs(direction) <= 2 and abs(y[0]) < params[2]:
         mode[1] = 1
-    if abs(direction) == 3:
-        mode[1] = 0
     return 0
 
 

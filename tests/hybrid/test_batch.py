@@ -54,6 +54,12 @@ def test_workers_and_places_do_not_matter(workers):
     mixed = solve_batch(system, (0, 2), y0[order], params=PARAMS, jacobian=True)
     assert mixed.y_end.tobytes() == plain.y_end[order].tobytes()
     assert mixed.jacobian.tobytes() == plain.jacobian[order].tobytes()
+    errors = plain.jacobian_error
+    assert mixed.jacobian_error.tobytes() == errors[order].tobytes()
+    # That of one's own, and not of another.
+    alone = solve(system, (0, 2), y0[7], params=PARAMS, jacobian=True)
+    assert alone.jacobian_error == errors[7] > 0.0
+    assert len({*errors}) == len(errors)
     assert mixed.n_steps.tolist() == plain.n_steps[order].tolist()
 
 
@@ -182,7 +188,7 @@ def test_sizes(count):
 
 def test_what_is_not_asked_for_is_none():
     batch = solve_batch(ladder(1), (0, 1), np.zeros((2, 2)), params=(0.5, 1.0))
-    assert batch.t is batch.y is batch.jacobian is None
+    assert batch.t is batch.y is batch.jacobian is batch.jacobian_error is None
 
 
 def test_an_empty_batch_of_parameters():

@@ -18,14 +18,14 @@ from hopdata.commands.inspect import inspection_html
 from hopdata.contact_times import contacts
 from hopdata.figures import style
 from hopdata.figures.verdict import group_figure
-from hopdata.group import put_together
+from hopdata.group import contacts_of, put_together
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.raw import RawRecording
 from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 from hopdata.report.scene import recording_scene
 from hopdata.steering.report.page import build_steering_report
-from test_group import GROUP, made_up
+from test_group import GROUP, landed, made_up, undecided
 
 #: A path that has no place to break.
 LONG_NOTE = f"/recordings/{'long' * 20}.txt: time stamps run evenly"
@@ -34,6 +34,8 @@ addEventListener("load", async () => {
   document.querySelectorAll("details").forEach((fold) => (fold.open = true));
   const found = { told, width: innerWidth, wide: document.documentElement.scrollWidth,
     cut: [...document.querySelectorAll(".picture")].filter((one) => one.scrollWidth > one.clientWidth + 1).length,
+    scrolled: [...document.querySelectorAll(".table")].filter((one) => one.scrollWidth > one.clientWidth + 1)
+      .map((one) => one.getAttribute("aria-label")),
     scale: Math.min(...[...document.querySelectorAll(".picture img[src*=svg]")].map((one) =>
       0.75 * one.clientWidth / parseFloat(one.style.getPropertyValue("--paper")))),
     dark: getComputedStyle(document.body).backgroundColor };
@@ -55,7 +57,8 @@ addEventListener("load", async () => {
 
 
 def group_page(number, **options):
-    group = put_together(made_up(number), GROUP)
+    rows = [one | {"contacts": contacts_of(landed())} for one in made_up(number)]
+    group = put_together(rows, GROUP)
     caption = (SNAKEFILE.parent / "workflow/captions/group.md").read_text("utf-8")
     drawn = io.BytesIO()
     with style.style_context():
@@ -81,6 +84,7 @@ def pages():
         "view": rendered("view.html.j2", title="monday", told="7", scene=scene),
         "first look": rendered("first_look.html.j2", pictures=[first]),
         "group": group_page(12),
+        "undecided": build_group_page(put_together([undecided("a")], GROUP), []),
         "large group": group_page(30, one_by_one=False),
         "steering": build_steering_report(full_steering()),
     }
@@ -134,6 +138,7 @@ def test_every_page_in_a_browser(pages, width, dark, tmp_path):
         assert found.width == width
         assert found.wide <= width, f"{name} is wider than its window"
         assert found.cut == 0, f"{name}: a figure is cut"
+        assert found.scrolled == [], f"{name}: a table is cut"
         # Letters of 7 points are not smaller than 5.6, or 7.5 pixels.
         assert found.scale is None or found.scale > 0.78, f"{name}: letters shrink"
         if "<script" in pages[name]:  # without one, every block is a stop

@@ -51,6 +51,8 @@ addEventListener("load", async () => {
     wide: document.documentElement.scrollWidth,
     panels: pictures.map((one) => one.querySelectorAll("img").length),
     scrolled: pictures.some((one) => one.scrollWidth > one.clientWidth),
+    tables: [...document.querySelectorAll(".table")].filter((one) => one.scrollWidth > one.clientWidth + 1)
+      .map((one) => one.getAttribute("aria-label")),
     dark: getComputedStyle(document.body).backgroundColor };
   found.violations = (await axe.run()).violations.map((one) =>
     `${one.id}: ${one.nodes.map((node) => node.html.slice(0, 120)).join(" | ")}`);
@@ -121,6 +123,7 @@ def test_the_page_in_a_browser(width, dark, tmp_path):
     # In the narrow window, two panels and their legend are stacked.
     assert set(found["panels"]) == {3 if width < 700 else 1}
     assert not found["scrolled"]
+    assert found["tables"] == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium")

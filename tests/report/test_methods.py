@@ -90,6 +90,17 @@ def test_it_says_how_many_landings_are_far_off():
     assert "left out" not in none
 
 
+def test_it_says_what_an_interval_leaves_open_at_the_contact():
+    values = {"twice": "72 %", "spreads": "0.4"}
+    parts = {"different": {"code": "maps.different", "values": {}}}
+    parts["reservation"] = {"code": "maps.may_be_larger", "values": values}
+    said = {"sentence": {"code": "maps.different_reserved", "values": parts}}
+    words = "more than 72 % if it fades within 0.4 times the spread of the contacts"
+    assert words in of(full_study(verdict=verdict(messages=said))).text
+    parts["reservation"] = {"code": "maps.fades", "values": {}}
+    assert "fades" not in of(full_study(verdict=verdict(messages=said))).text
+
+
 def test_a_simulation_is_called_one():
     simulated = full_study()
     assert simulated.truth

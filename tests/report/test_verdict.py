@@ -25,7 +25,7 @@ from hopdata.report.verdict import (
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
     facts = verdict_facts(verdict())
     assert facts["difference"] == "4 (0 to 13)\u00a0%"
-    bound = "one-sided bound 12\u00a0%, less than 20\u00a0% counts as none"
+    bound = "print the one-sided bound 12\u00a0%, on which the answer rests; less than 20\u00a0% counts as none"
     assert facts["remark"] == f"of the map, 95\u00a0% interval; {bound}"
     assert facts["found"] is True
 

@@ -11,12 +11,15 @@ import pytest
 
 import hopdata as hd
 from hopdata.__main__ import main
+from hopdata.config.loading import load_config, what_is_set
 from hopdata.errors import ArgumentError, ConfigError
 from hopdata.foreign.working_folder import SAID, digests_of
 from hopdata.provenance import own_code
 from hopdata.scenes import own, scene_class
 from hopdata.scenes.quadruped import Quadruped
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.scaling import known_scene
+from hopdata.synthesis.simulate import Simulation
 
 MODULE = """
 import my_numbers
@@ -79,6 +82,39 @@ def test_a_name_in_a_file_alone_runs_no_code(capsys):
 def test_a_scene_that_the_command_names_is_checked(capsys):
     assert main(["check", "own.yaml", "--scene", "odd_lab:Stiff"]) == 0
     assert "is sound" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["check", "run", "plan", "contacts"])
+def test_each_command_that_reads_a_configuration_takes_the_scene(
+    command, capsys, monkeypatch
+):
+    reached = []
+    for module in ("run", "plan"):
+        place = f"hopdata.commands.{module}.run_workflow"
+        monkeypatch.setattr(place, lambda *given, **_: reached.append(given) or 1)
+    expected = "found its name in a file alone"
+    assert main([command, "own.yaml"]) == 1
+    assert expected in capsys.readouterr().err
+    assert not reached
+    main([command, "own.yaml", "--scene", "odd_lab:Stiff"])
+    assert expected not in capsys.readouterr().err
+    assert os.environ[SAID] == "odd_lab:Stiff"  # which the jobs inherit
+    assert bool(reached) == (command in ("run", "plan"))
+
+
+def test_what_a_finished_study_set_is_known_without_its_scene():
+    os.environ[SAID] = "odd_lab:Stiff"
+    config = load_config("own.yaml")
+    with_it = what_is_set(config)
+    assert with_it["simulation"] == {"hops": 3, "scene": "odd_lab:Stiff"}
+    os.environ[SAID] = ""
+    del sys.modules["odd_lab"], sys.modules["my_numbers"]
+    without = what_is_set(config)
+    assert without["simulation"].pop("odd_lab:Stiff")["side_stiffness_n_m"] == 90.0
+    assert without == with_it
+    assert "odd_lab" not in sys.modules
+    with pytest.raises(ConfigError, match="HOPDATA_SCENE"):
+        load_config("own.yaml")
 
 
 def test_a_scene_by_name_and_as_an_object_give_the_same():
@@ -150,3 +186,18 @@ def test_the_digests_are_those_of_all_its_files():
     assert own_code(config) == changed
     config["simulation"] = {"scene": "quadruped"}
     assert own_code(config) == {}
+
+
+class Uncontrolled(Quadruped):
+    """A scene that offers no control."""
+
+    controls = ()
+
+
+def test_what_a_scene_offers_of_controls_is_told():
+    coupled = Control(coupling=0.3)
+    Simulation(name="odd", scene=Quadruped(), control=coupled)
+    with pytest.raises(ConfigError, match="knows none of them, found"):
+        Simulation(name="odd", scene=Uncontrolled(), control=coupled)
+    with pytest.raises(ConfigError, match="knows coupling only, found"):
+        Simulation(name="odd", scene=Quadruped(), control=Control(impulse=2.0))

@@ -16,6 +16,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra `gym` is not inst
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
+from hopdata.commands.doctor import USES
 from hopdata.errors import AnalysisError, ArgumentError, ConfigError
 from hopdata.steering import environment as module
 from hopdata.steering.environment import (
@@ -189,7 +190,23 @@ def test_nothing_else_loads_gymnasium_and_an_import_makes_it_known():
         "environment.register()\n"
         "print(gymnasium.spec('hopdata/SteeredHopper-v0').entry_point)\n"
     )
+    assert _run(program) == "hopdata.steering.environment:SteeredHopperEnv"
+
+
+def test_the_name_on_the_page_makes_the_environment_at_once():
+    page = Path("docs/steering.md").read_text("utf-8")
+    (name,) = set(re.findall(r'ID = "([^"]+)"', page))
+    assert name.endswith(f":{ID}")
+    program = "import gymnasium\nprint(gymnasium.make({!r}).unwrapped.task)\n"
+    assert _run(program.format(name)) == "origin"
+    assert f'"{name}"' in USES["extras"]["gym"]  # `hopdata doctor` says the same
+    # The bare name is known to no one who has not imported the module.
+    with pytest.raises(subprocess.CalledProcessError):
+        _run(program.format(ID))
+
+
+def _run(program):
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    assert done.stdout.strip() == "hopdata.steering.environment:SteeredHopperEnv"
+    return done.stdout.strip()

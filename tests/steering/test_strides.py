@@ -85,6 +85,51 @@ def test_what_is_not_used_has_its_reason():
     assert len(collected(*walked(), pairs=pairs).used()) == 2
 
 
+# Deviations with which a pose is seen: m, m, rad.
+SEEN = np.array([0.002, 0.002, 0.005])
+
+
+def excited_walker(*, seed, fallen=(), ahead_m=0.1, turn_rad=0.3, n=100):
+    """Return strides with random inputs; from those in `fallen` on, it lies still."""
+    rng = np.random.default_rng(seed)
+    share = rng.uniform(-1.0, 1.0, (n, 2))  # of both inputs
+    change = np.column_stack(
+        [ahead_m * share[:, 0], np.zeros(n), turn_rad * share[:, 1]]
+    )
+    change[list(fallen)] = 0.0
+    poses = np.zeros((n + 1, 3))
+    for k in range(n):
+        poses[k + 1] = composed(poses[k], change[k])
+    poses += SEEN * rng.standard_normal(poses.shape)
+    inputs = np.column_stack([0.5 * share[:, 0], 10 + 10 * share[:, 1]])
+    inputs = np.vstack([inputs, [np.nan, np.nan]])
+    return collected(poses, np.ones((n + 1, 3)), inputs)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_strides_of_a_robot_that_lies_are_not_used_and_told(seed):
+    found = excited_walker(seed=seed, fallen=range(60, 100))
+    # The stride before is the one in which it fell; the first to lie may look livelier.
+    assert 40 <= found.excluded()[table.FALLEN] <= 43
+    assert "narrower limits" in found.fall()
+    assert f"from {found.time_s[found.reason != ''][0]:.1f} s on" in found.fall()
+    # It was put up again, and the rest of its strides are used.
+    again = excited_walker(seed=seed, fallen=range(20, 50))
+    assert 30 <= again.excluded()[table.FALLEN] <= 33
+    assert (again.reason[55:] == "").all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("slow", [{}, {"ahead_m": 0.0}, {"turn_rad": 0.0}])
+def test_strides_of_a_robot_that_stands_now_and_then_are_used(seed, slow):
+    now_and_then = [20, 21, 22, 23, 40, 41, 60]
+    found = excited_walker(seed=seed, fallen=now_and_then, **slow)
+    assert found.excluded() == {}
+    assert found.fall() == ""
+    few = excited_walker(seed=seed, n=5)
+    assert few.excluded() == {}
+
+
 def test_a_table_of_any_robot_comes_back():
     both = table.joined([collected(*walked()), collected(*walked(seed=1))])
     written = table.to_table(both)

@@ -46,8 +46,14 @@ BENCHMARK_TABLES = {
         "verdict_growth_studies.csv",
         "verdict_shapes.csv",
         "verdict_shapes_studies.csv",
+        "verdict_unseen.csv",
+        "verdict_unseen_studies.csv",
     ],
-    "verdict_groups": ["verdict_groups.csv", "verdict_groups_studies.csv"],
+    "verdict_groups": [
+        "verdict_groups.csv",
+        "verdict_groups_studies.csv",
+        "verdict_groups_levels.csv",
+    ],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],
     "recording_faults": [

@@ -11,12 +11,15 @@ from hopdata.jobs import read_json, reported, whole_file, write_json, write_tabl
 from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import read_figures
 
+# Parts of a row that are no cells of a table.
+NO_CELLS = ["further", "quality", "what_now", "contacts"]
+
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     output = snakemake.output
     rows = [read_json(path) for path in snakemake.input.members]
     group = put_together(rows, snakemake.params.group)
     flat = [{**row, **row["further"]} for row in rows]
-    table = pd.DataFrame(flat).drop(columns=["further", "quality"], errors="ignore")
+    table = pd.DataFrame(flat).drop(columns=NO_CELLS, errors="ignore")
     write_table(output.table, table)
     write_json(output.answer, group)
     picture = Path(output.figure).with_suffix("")

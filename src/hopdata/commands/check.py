@@ -12,7 +12,6 @@ import numpy as np
 from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
 from hopdata.commands import answers, terminal
 from hopdata.errors import AnalysisError, RecordingError
-from hopdata.foreign.working_folder import say
 from hopdata.inspecting import listing
 from hopdata.messages import Message
 from hopdata.recordings.external import (
@@ -33,8 +32,6 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.config.consistency import files_of
     from hopdata.recording import require_distinct
 
-    if options.scene is not None:
-        say(options.scene)
     bring_bundled(Path(options.config))
     configs = _configs(options.config)
     first = configs[0]
@@ -144,6 +141,7 @@ def _with_line(error: RecordingError, config: str) -> str:
 
 def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str]:
     """Return what should be known of a study's recordings: faults, what is unsure."""
+    from hopdata.commands.contacts import one_of_a_kind
     from hopdata.config.consistency import effect_methods
     from hopdata.landings.effects import Methods, study_effects
     from hopdata.landings.floor import moving
@@ -153,7 +151,7 @@ def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str
     effects = study_effects(recordings, Methods(**effect_methods(config)))
     remarks = []
     for recording, of_recording in zip(recordings, effects, strict=True):
-        remarks += [str(note) for note in notes(recording)]
+        remarks += one_of_a_kind(recording, notes(recording))
         remarks += [f"{place_of(recording)}: {effect}" for effect in of_recording]
         remarks += _suspects(recording, config["input"]["rate_hz"])
         floor_moves = moving(recording)

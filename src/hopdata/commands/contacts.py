@@ -19,7 +19,7 @@ from hopdata.errors import (
     did_you_mean,
 )
 from hopdata.inspecting import listing
-from hopdata.messages import Message
+from hopdata.messages import Message, in_shell
 
 if TYPE_CHECKING:
     from hopdata.arrays import pd
@@ -121,12 +121,34 @@ def contacts(options: argparse.Namespace) -> int:
     name_apart(trials)
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
-        found = timed(trials, exclude=_spans(options.exclude))
-    notes = [note for trial in trials for note in trial.notes]
+        found = timed(trials, exclude=_spans(options.exclude, options.reason))
+    notes = _notes_of(trials)
+    # Written before anything is printed: what reads it, as `head`, may end early.
+    written = _write(options, trials, found)
     show(found, notes, places=_only_place(trials))
     answers.give(notes=[*notes, *found.remarks])
-    _write(options, trials, found)
+    for line in written:
+        print(line)
     return terminal.OK if len(found.found) else terminal.PROBLEM
+
+
+def _notes_of(trials: Sequence[Trial]) -> list[str]:
+    """Return the notes of all trials; what is true of several files is told once."""
+    places: dict[str, list[str]] = {}
+    for trial in trials:
+        for note in trial.notes:
+            own = [str(file) for file in trial.files if note.startswith(f"{file}: ")]
+            place = own[0] if own else ""
+            places.setdefault(note.removeprefix(f"{place}: "), []).append(place)
+    told = []
+    for text, files in places.items():
+        named = [file for file in files if file]
+        if len(named) > 1:
+            values = {"first": named[0], "files": counted(len(named) - 1, "other file")}
+            told.append(f"{Message('commands.files_alike', values)}: {text}")
+        else:
+            told += [f"{file}: {text}" if file else text for file in files]
+    return told
 
 
 def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
@@ -139,17 +161,28 @@ def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
     return (*map(str, trials[0].files), place_of(recording), recording.name)
 
 
-def _spans(given: Sequence[float] | None) -> list[tuple[float, float]]:
-    """Return the spans of ``--exclude``, s, as pairs."""
+def _spans(
+    given: Sequence[float] | None, given_reasons: Sequence[str] | None
+) -> list[tuple[float, float, str]]:
+    """Return the spans of ``--exclude``, s, with the reasons of ``--reason``."""
     numbers = list(given or ())
     if len(numbers) % 2:
         wanted = "begin and end of each span, s"
         raise ConfigError.at("--exclude", wanted, counted(len(numbers), "number"))
-    return list(zip(numbers[::2], numbers[1::2], strict=True))
+    n_spans = len(numbers) // 2
+    reasons = list(given_reasons or [""])
+    if given_reasons and not n_spans:
+        raise ConfigError.at("--reason", "spans of --exclude with it", "none")
+    if len(reasons) == 1:
+        reasons *= n_spans
+    if len(reasons) != n_spans:
+        wanted = f"one reason for all, or one for each of {n_spans} spans (in quotes)"
+        raise ConfigError.at("--reason", wanted, f"{len(reasons)}")
+    return list(zip(numbers[::2], numbers[1::2], reasons, strict=True))
 
 
 def timed(
-    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float]] = ()
+    trials: Sequence[Trial], *, exclude: Sequence[tuple[float, float, str]] = ()
 ) -> ContactTimes:
     """Return the contacts of some trials; those with the same feet are timed as one.
 
@@ -166,7 +199,7 @@ def timed(
     for group in alike.values():
         first = group[0]
         joined = tuple((str(one["name"]), (*one["markers"],)) for one in first.feet)
-        # Feet of one marker are those of the recording.
+        # Feet without a name of their own are those of the recording.
         recordings = [replace(trial.recording, joined=joined) for trial in group]
         files = [trial.files for trial in group]
         found = times_of(recordings, files=files, exclude=exclude, **first.options)
@@ -228,7 +261,7 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
 def _given_feet(
     given: Sequence[str] | None, file: Path, inspection: Inspection
 ) -> tuple[list[str], dict[str, list[str]]]:
-    """Return the markers of ``--feet``, and feet with several of them (NAME=A,B)."""
+    """Return the markers of ``--feet``, and those of feet with a name (NAME=A,B)."""
     feet: list[str] = []
     joined = {}
     for text in given or ():
@@ -240,7 +273,7 @@ def _given_feet(
             joined[name] = markers
         feet += markers
     _require_markers("--feet", file, feet, inspection)
-    return feet, {name: own for name, own in joined.items() if len(own) > 1}
+    return feet, {name: own for name, own in joined.items() if own != [name]}
 
 
 def _require_markers(
@@ -422,7 +455,8 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
-    told = [*map(str, one_for_all_feet(found.messages)), *notes]
+    of_contacts = [in_shell(one) for one in one_for_all_feet(found.messages)]
+    told = [*map(str, of_contacts), *notes]
     for note in without_places(told, places):
         terminal.note(note)
 
@@ -527,22 +561,25 @@ def _orders_beside(out: Path) -> Path:
 
 def _write(
     options: argparse.Namespace, trials: Sequence[Trial], found: ContactTimes
-) -> None:
-    """Write what was asked for, and say where it is."""
+) -> list[str]:
+    """Write what was asked for; return lines that say where it is."""
     answers.give(table=options.out, page=options.html)
+    lines = []
     if options.out is not None:
-        _write_tables(options.out, found)
+        lines += _write_tables(options.out, found)
     if options.html is not None:
         _write_page(options.html, trials, found)
+        lines.append(f"page: {options.html}")
     for kind in options.events or ():
         for trial in trials:
             for path in write_events(kind, trial, found, options):
                 answers.give_also("events", format=kind, file=path)
-                print(f"events: {path}")
+                lines.append(f"events: {path}")
+    return lines
 
 
-def _write_tables(file: Path, found: ContactTimes) -> None:
-    """Write the table of contacts, and that of orders beside it.
+def _write_tables(file: Path, found: ContactTimes) -> list[str]:
+    """Write the table of contacts, and that of orders beside it; say where they are.
 
     Where no two feet land together, as in a run, there are no orders and no file. One
     of an earlier call, which may be replaced, is deleted.
@@ -552,13 +589,15 @@ def _write_tables(file: Path, found: ContactTimes) -> None:
     has_orders = bool((found.orders["feet"] > 1).any())
     if has_orders:
         tables["orders"] = (of_orders, found.orders)
+    lines = []
     for kind, (path, table) in tables.items():
         text = table.to_csv(index=False, float_format="%.7g")
         terminal.write_text(path, text)
-        print(f"{kind}: {path}")
+        lines.append(f"{kind}: {path}")
     if not has_orders:
         of_orders.unlink(missing_ok=True)
-        print("orders: none, since each landing is of one foot")
+        lines.append("orders: none, since each landing is of one foot")
+    return lines
 
 
 def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> None:
@@ -572,7 +611,6 @@ def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> Non
     with terminal.progress_line("drawing the page"):
         page = contacts_html(found, title=title, notes=notes, places=places)
     terminal.write_text(file, page)
-    print(f"page: {file}")
 
 
 def write_events(

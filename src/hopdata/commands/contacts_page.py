@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.errors import counted
-from hopdata.messages import Message
+from hopdata.messages import Message, in_shell
 from hopdata.report.formatting import MISSING, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
@@ -50,7 +50,8 @@ def contacts_html(
     """
     shown = _shown(found.orders)
     # What concerns the contacts comes before what concerns the recordings.
-    told = without_places([*found.remarks, *notes], places)
+    of_contacts = [str(in_shell(one)) for one in found.messages]
+    told = without_places([*of_contacts, *notes], places)
     n_left_out = len(found.orders) - len(shown)
     if n_left_out:
         values = {"shown": len(shown), "landings": len(found.orders)}

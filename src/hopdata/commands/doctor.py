@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hopdata import products
 from hopdata.bundled import SNAKEFILE
 from hopdata.commands import answers
 from hopdata.commands.owner import (
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 _FILE = Path(__file__).with_name("dependencies.toml")
 USES: dict[str, dict[str, str]] = tomllib.loads(_FILE.read_text("utf-8"))
+for product in products.installed():
+    known = {**USES["extras"], **product.extras()}
+    USES["extras"] = {name: known[name] for name in USES["extras"]}
 NEEDED = "needed"
 
 

@@ -139,12 +139,12 @@ class Forecast:
     @property
     def landings(self) -> int:
         """Return the number of landings of the study's feet."""
-        return self._scaled((self.touchdowns["reason"] != NO_FOOT_LANDED).sum())
+        return self.scaled((self.touchdowns["reason"] != NO_FOOT_LANDED).sum())
 
     @property
     def used(self) -> int:
         """Return the number of landings that will be used."""
-        return self._scaled((~self.touchdowns["excluded"]).sum())
+        return self.scaled((~self.touchdowns["excluded"]).sum())
 
     def timed(self, foot: str) -> float:
         """Return the share of landings in which the contact of a foot is found."""
@@ -193,9 +193,9 @@ class Forecast:
         """Return how many landings each reason costs, the most costly first."""
         words = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
         counts = words[words != NO_FOOT_LANDED].value_counts()
-        return {str(reason): self._scaled(count) for reason, count in counts.items()}
+        return {str(reason): self.scaled(count) for reason, count in counts.items()}
 
-    def _scaled(self, count: float) -> int:
+    def scaled(self, count: float) -> int:
         """Return a count in the frames examined as that of the whole study."""
         return round(float(count) / self.frames_share)
 
@@ -332,6 +332,8 @@ def describe(
     lines += [f"  note      {remark}" for remark in forecast.contact_remarks]
     if forecast.kinds:
         lines.append(f"  note      {TWO_KINDS} {forecast.kinds}")
+    if len(feet) == MIN_FEET:
+        lines.append(f"  note      {Message('maps.little_power')}")
     lines.append(f"  verdict   {reach(forecast, config)}")
     for change in changes(forecast, config, recordings):
         lines.append(f"  change    {change}")
@@ -487,8 +489,9 @@ def _for_few_landings(
 def _for_one_order(forecast: Forecast) -> Iterator[Message]:
     """Yield advice if the landings have one contact order, or nearly so."""
     used = forecast.touchdowns[~forecast.touchdowns["excluded"]]
-    shares = used["schedule"].value_counts(normalize=True)
-    are_alike = shares.max() > MOST_ALIKE
+    most = int(used["schedule"].value_counts().max()) if len(used) else 0
+    are_alike = most > MOST_ALIKE * len(used)
     few_of_one = forecast.code in (TOO_FEW_ORDERS, TOO_FEW_LANDINGS) and are_alike
     if few_of_one or forecast.code == NO_TWO_FEET:
-        yield Message("commands.vary_the_order")
+        values = {"used": forecast.used, "usual": forecast.scaled(most)}
+        yield Message("commands.vary_the_order", values)

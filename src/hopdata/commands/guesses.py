@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
+from hopdata.commands.bringing import bring_recording
 from hopdata.inspecting.guesses import inspected_file
 
 if TYPE_CHECKING:
@@ -20,6 +22,7 @@ def inspected(options: argparse.Namespace) -> Inspection:
     options : Namespace
         With ``file``, ``unit``, ``vertical_axis`` and ``rate``.
     """
+    bring_recording(Path(options.file))
     with terminal.progress_line(f"reading {options.file}") as progress:
         return inspected_file(
             options.file,

@@ -36,6 +36,9 @@ MOST_TRIED = 3
 # Files that are listed on the terminal; the configuration lists all.
 MOST_LISTED = 20
 
+# Reasons to leave a file out that --keep-copies overrides.
+COPIES = ("recordings.lab_twice", "recordings.lab_processed")
+
 # Columns of the table of samples.
 COLUMNS = ("subject", "session", "recording", "file")
 
@@ -101,6 +104,7 @@ def _init_folder(options: argparse.Namespace) -> int:
         lab = survey(
             folder,
             rate_hz=options.rate,
+            keeps_copies=options.keep_copies,
             progress=progress,
         )
         if not lab.trials:
@@ -220,24 +224,37 @@ def _as_recording(
     except RecordingError as error:
         return unreadable(error, trial.file)
     try:
-        lands = _lands(recording)
+        unfit = _unfit(recording)
     except AnalysisError as error:
         return Message("recordings.lab_unreadable", {"error": str(error)})
-    if not lands:
-        values = {"feet": ", ".join(roles.feet)}
-        return Message("recordings.lab_nothing_lands", values)
-    return recording
+    return unfit or recording
 
 
-def _lands(recording: Recording) -> bool:
-    """Tell whether a contact of any foot is found in any descent of the body."""
-    from hopdata.landings.contacts.find import find_landings
+def _unfit(recording: Recording) -> Message | None:
+    """Return why a study finds no landing in a trial; None if a foot lands in one."""
+    from hopdata.landings.contacts.descents import SMALLEST_SWING
     from hopdata.landings.floor import fit_floor, level
 
     standing = level(recording, fit_floor(recording))
-    landings = find_landings(standing)
-    instants = [f"contact_{foot}_s" for foot in standing.names("foot")]
-    return bool(landings[instants].notna().to_numpy().any())
+    if _landing_feet(standing):
+        return None
+    landing = _landing_feet(standing, of_feet=True)
+    if not landing:
+        values = {"feet": ", ".join(recording.names("foot"))}
+        return Message("recordings.lab_nothing_lands", values)
+    return Message(
+        "recordings.lab_lands_without_descent",
+        {"feet": ", ".join(landing), "percent": 100 * SMALLEST_SWING},
+    )
+
+
+def _landing_feet(standing: Recording, *, of_feet: bool = False) -> list[str]:
+    """Return the feet with a contact, in descents of the body or also of the feet."""
+    from hopdata.landings.contacts.find import find_landings
+
+    landings = find_landings(standing, of_feet=of_feet)
+    feet = standing.names("foot")
+    return [foot for foot in feet if landings[f"contact_{foot}_s"].notna().any()]
 
 
 def _write(
@@ -369,6 +386,8 @@ def _notes(
     if ignored:
         counted = [f"{number} {suffix}" for suffix, number in ignored.items()]
         notes.append(Message("commands.folder_ignored", {"files": ", ".join(counted)}))
+    if any(one.reason.code in COPIES for one in choice.left_out):
+        notes.append(Message("commands.folder_copies"))
     for one in choice.left_out:
         notes.append(Message("commands.folder_left_out", {"file": one.message()}))
     return notes

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hopdata.analysis import planned, require_lasting
+from hopdata.analysis import plan_notes, planned, require_lasting
 from hopdata.commands import answers
 from hopdata.commands.terminal import OK, print_table
 from hopdata.commands.values import require_number, values_of
@@ -40,9 +40,11 @@ def plan(options: argparse.Namespace) -> int:
     # Verdicts of older versions do not tell them.
     verdict = json_of(file, wanted="a verdict.json")
     saturates = bool(verdict.get("saturates", False))
-    require_lasting(verdict.get("conclusion", ""), saturates=saturates)
+    jump = verdict.get("jump") or {}
+    jumps = jump.get("low", 0.0) > 0.0
+    require_lasting(verdict.get("conclusion", ""), saturates=saturates, jumps=jumps)
     detectable, allowed, detectable_nearest, allowed_nearest = _sizes(file, effect)
-    found = f"{100 * detectable:.2g} % in {100 * power:g} % of studies"
+    found = f"{100 * detectable:.3g} % in {100 * power:g} % of studies"
     print(f"{landings:,} landings of {feet} feet find {found}\n")
     if saturates:
         print(
@@ -66,6 +68,11 @@ def plan(options: argparse.Namespace) -> int:
         for difference in sorted(asked)
     }
     _print_needed(needed)
+    size = effect.get("estimate", detectable)
+    conclusion = verdict.get("conclusion", "")
+    notes = plan_notes(conclusion, size, int(feet), jumps=jumps)
+    for note in notes:
+        print(f"\nnote: {note}")
     if margin <= least:
         of_margin = f"the margin, {100 * margin:g} %, is within the {100 * least:.2g} %"
         print(f"\n{of_margin} that smooth terms may leave: no number shows it")
@@ -81,6 +88,7 @@ def plan(options: argparse.Namespace) -> int:
             {"difference": difference, "landings": number}
             for difference, number in needed.items()
         ],
+        notes=[str(note) for note in notes],
         figure=options.figure,
     )
     if options.figure is not None:

@@ -323,7 +323,14 @@ def what_is_set(config: Mapping[str, Any]) -> dict[str, Any]:
     config : mapping
         A configuration from `load_config`.
     """
-    schema = load_schema(_scene_of(config))
+    scene = _scene_of(config)
+    try:
+        schema = load_schema(scene)
+    except ConfigError:
+        if not is_own(scene):
+            raise
+        # Its code may not run, or is elsewhere: all its parameters count as set.
+        schema = load_schema()
     return _section_without_defaults(config, schema, printed=is_printed(config))
 
 

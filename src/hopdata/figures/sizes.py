@@ -10,11 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hopdata.figures import style
-from hopdata.figures.verdict import ANSWERS, ASKED, over_landings
+from hopdata.figures.verdict import ANSWERS, ASKED, name_of, over_landings, wholes
 
 # Heights of a histogram, and of what stands around all of them.
 PANEL_MM = 42.0
 AROUND_MM = 30.0
+# Height of the line of all subjects, or of a condition.
+LINE_MM = 4.0
 # Conditions with a histogram of their own; more share one.
 MOST_CONDITIONS = 5
 BARS = 40
@@ -37,9 +39,9 @@ def sizes_figure(group: Mapping[str, Any]) -> Figure:
     if not rows:
         return style.message_figure(group["sentence"], width_mm=style.WIDEST_PANEL_MM)
     parts = _by_condition(rows)
-    height_mm = PANEL_MM * len(parts) + AROUND_MM
+    height_mm = PANEL_MM * len(parts) + AROUND_MM + LINE_MM * len(wholes(group))
     figure = style.paper_figure(style.WIDEST_PANEL_MM, height_mm)
-    ratios = [PANEL_MM] * len(parts) + [9.0]
+    ratios = [PANEL_MM] * len(parts) + [5.0 + LINE_MM * max(1, len(wholes(group)))]
     panels = figure.subplots(
         len(ratios), sharex=True, squeeze=False, height_ratios=ratios
     )
@@ -115,16 +117,17 @@ def _draw_counts(axes: Axes, rows: Sequence[Row], edges: Any) -> None:
 
 
 def _draw_group(axes: Axes, group: Mapping[str, Any], top: float) -> None:
-    axes.set_ylim(-1.0, 1.0)
-    axes.set_yticks([0.0], ["all"])
-    effect = group["effect"]
-    if not effect:
-        return
-    _, colour = ANSWERS[group["conclusion"]]
-    end = effect["upper_bound"]
-    if group["conclusion"] == "different":
-        end = effect["high"]
-    look: dict[str, Any] = {"color": colour, "clip_on": False}
-    interval = [100 * effect["low"], min(100 * end, top)]
-    axes.plot(interval, [0.0, 0.0], linewidth=4.0, **look)
-    axes.plot(100 * effect["estimate"], 0.0, "D", markersize=5, **look)
+    rows = wholes(group)
+    axes.set_ylim(max(len(rows), 1) - 0.5, -0.5)
+    names = [name_of(row) for row in rows]
+    axes.set_yticks(range(len(rows)), names)
+    for place, row in enumerate(rows):
+        _, colour = ANSWERS[row["conclusion"]]
+        end = row["upper_bound"]
+        if row["conclusion"] == "different":
+            end = row["high"]
+        look: dict[str, Any] = {"color": colour, "clip_on": False}
+        interval = [100 * row["low"], min(100 * end, top)]
+        axes.plot(interval, [place, place], linewidth=4.0, **look)
+        estimate = min(100 * row["estimate"], top)
+        axes.plot(estimate, place, "D", markersize=5, **look)

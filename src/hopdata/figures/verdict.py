@@ -344,9 +344,11 @@ FEET_END = 52.0
 BARS = (54.0, 63.0)
 LINES = (75.0, 82.0)
 MAP = 91.0
-# Width of a character of a foot's name, and of its mark, in the same unit.
-CHARACTER = 1.7
+# Size of the letters of a foot's name, width of its mark, and least room after a name,
+# in the same unit.
+LETTERS = 3.1
 MARK = 2.4
+AFTER_NAME = 0.4
 ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
 
 
@@ -383,7 +385,8 @@ def _draw_orders(
     rows = len(orders[:MOST_ORDERS])
     most = int(counts.max()) if rows else 1
     step = FEET_END / max(n_feet, 1)
-    has_names = MARK + CHARACTER * max(map(len, names), default=0) < step
+    longest = max(map(_width_of, names), default=0.0)
+    has_names = MARK + longest + AFTER_NAME < step
     size: Any = {"va": "center_baseline"}
     for k in range(n_feet):
         axes.text(step * k, -1.0, ORDINALS[k], **size)
@@ -418,6 +421,13 @@ def _draw_orders(
         columns = min(3, len(names))
         axes.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.0, 0.0),
                     ncols=columns, frameon=False)  # fmt: skip
+
+
+def _width_of(name: str) -> float:
+    """Return the width of a foot's name, in hundredths of the panel."""
+    from matplotlib.textpath import TextPath
+
+    return float(TextPath((0.0, 0.0), name, size=LETTERS).get_extents().width)
 
 
 def _draw_count(axes: Axes, row: int, count: int, most: int) -> None:
@@ -474,12 +484,15 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     rows = [row for row in group["members"] if not row["reason"]]
     if not rows:
         return style.message_figure(group["sentence"], width_mm=style.WIDEST_PANEL_MM)
+    # Those of a condition below each other, as their sizes over all subjects are.
+    conditions = [one["condition"] for one in group.get("by_condition", [])]
+    if conditions:
+        rows.sort(key=lambda row: conditions.index(row["condition"]))
     some_saturate = any(_saturates(row) for row in rows)
     places: list[float] = [float(number) for number in range(len(rows))]
     height_mm = 18.0 + MEMBER_MM * len(rows)
-    if group["effect"]:
-        whole = {"name": "all", "conclusion": group["conclusion"], "of_all": True}
-        rows.append(group["effect"] | whole)
+    for whole in wholes(group):
+        rows.append(whole)
         places.append(len(places) + 0.5)
         height_mm += 1.5 * MEMBER_MM
     figure = style.paper_figure(style.WIDEST_PANEL_MM, height_mm)
@@ -500,11 +513,22 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
         look |= {"markersize": 4, **AT_CONTACT}
         axes.plot([], [], label="where all feet touch at once", **look)
         figure.legend(loc="outside upper left", ncols=2)
-    axes.set_yticks(places, [_name_of(row) for row in rows])
+    axes.set_yticks(places, [name_of(row) for row in rows])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * max(top, group["margin"]))
     axes.set_xlabel(f"{ASKED} (% of the map)")
     return figure
+
+
+def wholes(group: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the size over all subjects, or that of each condition, as rows."""
+    found = []
+    for one in [group, *group.get("by_condition", [])]:
+        if one["effect"]:
+            name = {"name": "all", "condition": one.get("condition", "")}
+            of_all = {"conclusion": one["conclusion"], "of_all": True}
+            found.append({**one["effect"], **name, **of_all})
+    return found
 
 
 def _top_of_group(rows: Sequence[Mapping[str, Any]], margin: float) -> float:
@@ -597,7 +621,7 @@ def _write_jump(axes: Axes, row: Mapping[str, Any], place: float) -> None:
     style.note(axes, words, (0.0, place), (4, 0), **look)
 
 
-def _name_of(row: Mapping[str, Any]) -> str:
+def name_of(row: Mapping[str, Any]) -> str:
     """Return the subject of a row, and its condition if it has one."""
     name = row.get("subject", row["name"])
     condition = row.get("condition")

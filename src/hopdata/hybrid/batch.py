@@ -268,6 +268,13 @@ class BatchSolution:
         return self.results.jacobians[:, :shown, :shown]
 
     @property
+    def jacobian_error(self) -> FloatArray | None:
+        """Estimated errors of `jacobian` and `sensitivity`, as in `Solution`; (B,)."""
+        if self.results.jacobians.shape[1] == 0:
+            return None
+        return self.results.errors[:, 0]
+
+    @property
     def sensitivity(self) -> FloatArray | None:
         """Derivatives of final states by parameters, (B, n, p), if requested."""
         shown = self.form.shown
@@ -328,8 +335,10 @@ def _room(n_runs: int, form: Form, n_times: int, jacobian: bool) -> Results:
     jacobians = _NO_SAMPLES
     if n_times > 0:
         samples = np.empty((n_runs, n_times, n))
+    errors = np.empty((0, 1))
     if jacobian:
         jacobians = np.empty((n_runs, n, n))
+        errors = np.empty((n_runs, 1))
     return Results(
         np.empty((n_runs, 1), np.int64),
         np.empty((n_runs, END_STATE + n)),
@@ -337,6 +346,7 @@ def _room(n_runs: int, form: Form, n_times: int, jacobian: bool) -> Results:
         np.empty((n_runs, N_COUNTS), np.int64),
         samples,
         jacobians,
+        errors,
     )
 
 
@@ -368,7 +378,7 @@ class _Batch:
         tolerance = np.empty(self.system.n_states)
         arguments.set_tolerance(tolerance, self.atol)
         # Neither instants nor Jacobians, with which there are no lanes.
-        arrays = (*self.starts[:3], *self.results[:-1], self.times, tolerance)
+        arrays = (*self.starts[:3], *self.results[:-2], self.times, tolerance)
         return lane_runner(
             self.system, self.methods.choice, self.jacobian, arrays, self.options
         )

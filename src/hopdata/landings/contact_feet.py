@@ -9,7 +9,7 @@ from typing import Any
 from hopdata.errors import AnalysisError, ArgumentError
 from hopdata.messages import Message
 from hopdata.recording import Recording, place_of
-from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot
+from hopdata.recordings.quality.part_names import SIDE_NAMES, sides_of_feet
 from hopdata.recordings.wording import chained
 
 # What may name feet.
@@ -134,8 +134,12 @@ def _with_body(recording: Recording) -> Recording:
     return with_body[[*with_body.names("body"), *feet]]
 
 
-def side_of(foot: str) -> str:
-    """Return ``"left"`` or ``"right"`` if the name of a foot tells it; else empty."""
-    if foot.lower() in SIDE_NAMES.values():
-        return foot.lower()
-    return SIDE_NAMES.get(side_of_foot(foot), "")
+def sides_of(feet: Sequence[str]) -> tuple[str, ...]:
+    """Return ``"left"`` or ``"right"`` of each foot that the names tell; else empty."""
+    sides = sides_of_feet(feet)
+    return tuple(
+        foot.lower()
+        if foot.lower() in SIDE_NAMES.values()
+        else SIDE_NAMES.get(side, "")
+        for foot, side in zip(feet, sides, strict=True)
+    )

@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, pd
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.errors import counted
 from hopdata.landings import schedules
-from hopdata.landings.contact_feet import side_of
+from hopdata.landings.contact_feet import sides_of
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.contacts.passes import LONG_WINDOWS_S
 from hopdata.messages import Message
 from hopdata.recording import Recording
 
@@ -42,6 +43,12 @@ COLUMNS = (
     "plate_s",
     "plate_se_s",
 )
+
+#: Share of the landings in which a foot is seen, above which it lands with the others:
+#: it should then touch where it is hidden, too.
+#: Unit: 1. Origin: chosen.
+LANDS_WITH_OTHERS = 0.5
+
 # A contact without a force plate.
 NO_PLATE = ("", float("nan"), float("nan"))
 # Landings, or onsets of plates, of one kind whose times a remark tells.
@@ -110,12 +117,60 @@ def untimed(recording: Recording, landings: pd.DataFrame) -> list[Message]:
     return [Message("landings.untimed_landings", values)]
 
 
+def hidden_contacts(recording: Recording, landings: pd.DataFrame) -> list[Message]:
+    """Say which feet are hidden at their contacts, in how many landings, and when.
+
+    Parameters
+    ----------
+    recording : Recording
+    landings : DataFrame
+        As of `landed`.
+    """
+    messages = []
+    for foot in recording.names("foot"):
+        status = landings[f"status_{foot}"].to_numpy()
+        may_land = ~np.isin(status, (descents.ALREADY_DOWN, descents.NOT_LANDED))
+        # A landing that only others show says nothing of a foot that no frame shows.
+        unseen = ~may_land & _is_unseen(recording, landings, foot)
+        elsewhere = may_land[~unseen]
+        if elsewhere.sum() > LANDS_WITH_OTHERS * len(elsewhere):
+            may_land |= unseen
+        hidden = (status == descents.MISSING) | (unseen & may_land)
+        if not hidden.any():
+            continue
+        values = {
+            "recording": recording.name,
+            "foot": foot,
+            "hidden": int(hidden.sum()),
+            "landings": int(may_land.sum()),
+            "often": counted(int(may_land.sum()), "landing"),
+            "from_s": float(landings.loc[hidden, "begin_s"].min()),
+            "to_s": float(landings.loc[hidden, "end_s"].max()),
+        }
+        messages.append(Message("landings.contacts_hidden", values))
+    return messages
+
+
+def _is_unseen(recording: Recording, landings: pd.DataFrame, foot: str) -> BoolArray:
+    """Mark the landings (L,) in which no frame about their contacts shows a foot."""
+    feet = recording.names("foot")
+    instants = landings[[f"contact_{other}_s" for other in feet]].to_numpy(float)
+    before_s, after_s = (span_s * recording.time_scale for span_s in LONG_WINDOWS_S)
+    first = np.searchsorted(recording.time, np.fmin.reduce(instants, axis=1) - before_s)
+    stop = np.searchsorted(recording.time, np.fmax.reduce(instants, axis=1) + after_s)
+    seen = np.isfinite(recording[foot][:, 2])
+    count = np.concatenate([[0], np.cumsum(seen)])
+    return np.asarray(count[stop] == count[first])
+
+
 def contact_rows(recording: Recording, landings: pd.DataFrame) -> list[tuple[Any, ...]]:
     """Return the rows of `ContactTimes.table` of one recording."""
     rows = []
+    feet = recording.names("foot")
+    side_of = dict(zip(feet, sides_of(feet), strict=True))
     for number, landing in enumerate(landings.to_dict("records"), start=1):
         of_landing = []
-        for foot in recording.names("foot"):
+        for foot in feet:
             status = int(landing[f"status_{foot}"])
             if status in (descents.ALREADY_DOWN, descents.NOT_LANDED):
                 continue
@@ -133,7 +188,7 @@ def contact_rows(recording: Recording, landings: pd.DataFrame) -> list[tuple[Any
                     recording.name,
                     number,
                     foot,
-                    side_of(foot),
+                    side_of[foot],
                     instant,
                     se_s,
                     landing[f"common_{foot}_s"],

@@ -14,7 +14,7 @@ import numpy as np
 
 from hopdata.recording import Event, Recording
 from hopdata.recordings.external import Column, ExternalContacts
-from hopdata.recordings.quality.part_names import SIDE_NAMES, side_of_foot, words_of
+from hopdata.recordings.quality.part_names import SIDE_NAMES, sides_of_feet, words_of
 from hopdata.recordings.readers.c3d import open_c3d, read_events
 from hopdata.recordings.writers.c3d import OURS
 
@@ -99,4 +99,5 @@ def contacts_marked(
 
 def feet_of_side(feet: tuple[str, ...], side: str) -> tuple[str, ...]:
     """Return the feet of a side, ``"l"`` or ``"r"``, by their names."""
-    return tuple(foot for foot in feet if side_of_foot(foot) == side)
+    sides = sides_of_feet(feet)
+    return tuple(foot for foot, of in zip(feet, sides, strict=True) if of == side)

@@ -154,6 +154,7 @@ def survey(
     folder: Path,
     *,
     rate_hz: float | None = None,
+    keeps_copies: bool = False,
     progress: Progress = lambda _step: None,
 ) -> Lab:
     """Read all files in a folder and its subfolders, and sort out those of no use.
@@ -164,6 +165,8 @@ def survey(
         A folder.
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one.
+    keeps_copies : bool
+        Whether files that hold the trial of another one stay.
     progress : callable
         Called with a description of each step before it begins.
     """
@@ -188,8 +191,10 @@ def survey(
             left_out.append(LeftOut(place, unfit))
             continue
         trials.append(trial)
-    progress("comparing the files")
-    twice = _duplicates(trials)
+    twice: list[LeftOut] = []
+    if not keeps_copies:
+        progress("comparing the files")
+        twice = _duplicates(trials)
     left_out += twice
     places_of_twice = {one.place for one in twice}
     kept = tuple(trial for trial in trials if trial.place not in places_of_twice)

@@ -7,7 +7,10 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
+from hopdata.errors import counted
+from hopdata.messages import Message
 from hopdata.report import formatting as show
+from hopdata.report.what_now import study_name
 
 Row = Mapping[str, Any]
 #: In this order the page of a large group shows its studies.
@@ -89,3 +92,67 @@ def _most(counts: Counter[str]) -> list[dict[str, Any]]:
         others = f"{len(rest)} others"
         found.append({"what": others, "n": sum(n for _, n in rest)})
     return found
+
+
+# Orders of a study that are listed; rarer ones are counted together.
+MOST_ORDERS = 3
+
+_CONTACTS: show.Columns = {
+    "study": study_name,
+    "landings timed": lambda row: _timed(row["contacts"]),
+    "error of a contact, median (ms)": lambda row: _of_feet(row["contacts"], "se_s"),
+    "common error (ms)": lambda row: _of_feet(row["contacts"], "common_s"),
+    "orders seen": lambda row: _orders(row["contacts"]),
+    "sure": lambda row: _sure(row["contacts"]),
+}
+
+
+def contacts_table(rows: Sequence[Row]) -> show.Table | None:
+    """Return what is known of the contacts of each study, whatever its answer.
+
+    It is as the studies wrote it; rows of earlier versions do not have it.
+    """
+    known = [row for row in rows if row.get("contacts")]
+    return show.table_of(
+        str(Message("report.group_contacts")),
+        known,
+        _CONTACTS,
+        text_columns=6,
+        note=Message("report.group_contacts_note"),
+    )
+
+
+def _timed(contacts: Row) -> str:
+    return f"{show.count(contacts['timed'])} of {show.count(contacts['landings'])}"
+
+
+def _of_feet(contacts: Row, key: str) -> str:
+    """Return an error of each foot in ms; one number if it is the same for all."""
+    errors = {}
+    for foot in contacts["feet"]:
+        error_ms = show.scaled(foot[key], 1e3)
+        errors[foot["foot"]] = show.significant(error_ms, 2)
+    if len(set(errors.values())) == 1:
+        return next(iter(errors.values()))
+    return ", ".join(f"{foot} {error}" for foot, error in errors.items())
+
+
+def _orders(contacts: Row) -> str:
+    """Return the orders of a study with their landings, the most frequent first."""
+    orders = contacts["orders"]
+    told = [
+        f"{one['order']}: {show.count(one['seen'])}" for one in orders[:MOST_ORDERS]
+    ]
+    rarer = orders[MOST_ORDERS:]
+    if rarer:
+        landings = show.count(sum(one["seen"] for one in rarer))
+        told.append(f"{counted(len(rarer), 'rarer order')}: {landings}")
+    return "; ".join(told) or show.MISSING
+
+
+def _sure(contacts: Row) -> str:
+    seen = sum(one["seen"] for one in contacts["orders"])
+    sure = sum(one["sure"] for one in contacts["orders"])
+    if not seen:
+        return show.MISSING
+    return f"{show.count(sure)} of {show.count(seen)}"

@@ -46,18 +46,22 @@ def group_methods(group: Mapping[str, Any]) -> Methods:
     if conditions:
         values["conditions"] = f" in {counted(len(conditions), 'condition')}"
     said = [Message("report.methods_group_studies", values)]
-    effect = group["effect"]
-    if effect is None:
+    by_condition = [one for one in group.get("by_condition", []) if one["effect"]]
+    if group["effect"] is None and not by_condition:
         said.append(Message("report.methods_group_none", values))
     else:
+        if by_condition:
+            said.append(Message("report.methods_group_each"))
         said.append(Message("report.methods_group_model", values))
-        confidence = group.get("confidence")
-        if confidence is not None:
-            values["confidence"] = f"{100 * confidence:g} %"
-            values["chance"] = f"{100 * (1 - confidence):.3g} %"
-            values["allowed"] = _rms(rows, "allowed")
-            values["left"] = _rms(rows, "left")
-            said.append(Message("report.methods_group_interval", values))
+        alpha = 1.0 - group["confidence"]
+        values["confidence"] = f"{100 * group['confidence']:g} %"
+        values["chance"] = f"{90 * alpha:.3g} %"
+        values["tail"] = f"{50 * alpha:.3g} %"
+        values["both"] = f"{100 * alpha:.3g} %"
+        values["alpha"] = f"{alpha:.3g}"
+        values["allowed"] = _rms(rows, "allowed", by_condition)
+        values["left"] = _rms(rows, "left", by_condition)
+        said.append(Message("report.methods_group_interval", values))
     if group["conditions"]:
         said.append(Message("report.methods_group_conditions", values))
     said.append(Message("report.methods_group_record", values))
@@ -65,7 +69,22 @@ def group_methods(group: Mapping[str, Any]) -> Methods:
     return Methods(text, references(text, CITED, __version__))
 
 
-def _rms(rows: Sequence[Mapping[str, Any]], key: str) -> str:
-    """Return the rms of a size over the studies with an answer, as a share."""
+def _rms(
+    rows: Sequence[Mapping[str, Any]],
+    key: str,
+    by_condition: Sequence[Mapping[str, Any]],
+) -> str:
+    """Return the rms of a size over the studies with an answer, of each condition."""
+    names = [one["condition"] for one in by_condition]
+    if not names:
+        return f"{_rms_of(rows, key):.3f}"
+    each = []
+    for name in names:
+        own = [row for row in rows if row["condition"] == name]
+        each.append(f"{_rms_of(own, key):.3f} ({name})")
+    return ", ".join(each)
+
+
+def _rms_of(rows: Sequence[Mapping[str, Any]], key: str) -> float:
     squares = [row[key] ** 2 for row in rows if not row["reason"]]
-    return f"{math.sqrt(sum(squares) / len(squares)):.3f}"
+    return math.sqrt(sum(squares) / len(squares))

@@ -6,20 +6,38 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report.group import by_answer, summaries
+from hopdata.report.group import by_answer, contacts_table, summaries
 from hopdata.report.group_methods import group_methods
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 from hopdata.report.verdict import percent
+from hopdata.report.what_now import (
+    DOCUMENTATION,
+    advice_to_group,
+    cannot_tell,
+    limits_of_group,
+)
 
+OF_CONDITION: show.Columns = {
+    "condition": lambda row: str(row["condition"]),
+    "subjects": show.counted("subjects"),
+    "answer": lambda row: str(row["conclusion"]),
+    "rms (%)": show.decimals("estimate", 1, 100.0),
+    "from (%)": show.decimals("low", 1, 100.0),
+    "to (%)": show.decimals("high", 1, 100.0),
+    "at most (%)": show.decimals("upper_bound", 1, 100.0),
+    "I² (%)": show.decimals("i2", 0, 100.0),
+    "p of Q": lambda row: show.significant(row["q_p_value"], 2),
+}
 CONDITIONS: show.Columns = {
     "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
     "subjects": show.counted("n"),
     "rms of the first (%)": show.decimals("size_a", 1, 100.0),
     "rms of the second (%)": show.decimals("size_b", 1, 100.0),
-    "difference of squares (%²)": show.decimals("difference", 1, 1e4),
-    "from (%²)": show.decimals("low", 1, 1e4),
-    "to (%²)": show.decimals("high", 1, 1e4),
+    "difference of squares": show.decimals("difference", 3),
+    "from": show.decimals("low", 3),
+    "to": show.decimals("high", 3),
     "p": lambda row: show.significant(row["p_value"], 2),
     "p after Holm": lambda row: show.significant(row["p_holm"], 2),
 }
@@ -55,6 +73,7 @@ def build_group_page(
         "confidence": show.percent(100 * group["confidence"]),
         "margin": show.percent(100 * group["margin"]),
         "of_all": group["effect"] is not None,
+        "of_conditions": any(one["effect"] for one in group.get("by_condition", [])),
     }
     reasons = {row["reason"] for row in rows}
     if len(reasons) == 1:  # the sentence at the top of the page says it once
@@ -77,8 +96,28 @@ def build_group_page(
         further=list(dict.fromkeys(key for row in rows for key in row["further"])),
         has_conditions=len({row["condition"] for row in rows}) > 1,
         members=members,
+        limits=limits_of_group(rows) if cannot_tell(group) else [],
+        advice=advice_to_group(group),
+        documentation=DOCUMENTATION,
+        contacts=contacts_table(rows),
         conditions=show.table_of(title, group["conditions"], CONDITIONS),
+        by_condition=show.table_of(
+            "Over the subjects of each condition", _of_conditions(group), OF_CONDITION
+        ),
     )
+
+
+def _of_conditions(group: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the size of each condition, empty where too few subjects have one."""
+    rows = []
+    for one in group.get("by_condition", []):
+        effect = one["effect"] or {}
+        sizes = ("estimate", "low", "high", "upper_bound")
+        row = {**one, **{name: effect.get(name) for name in sizes}}
+        model = effect.get("combined") or {}
+        row |= {name: model.get(name) for name in ("i2", "q_p_value")}
+        rows.append(row)
+    return rows
 
 
 def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -90,20 +129,49 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
     studies = ("Studies judged", judged, said)
     if effect is None:
-        return [studies]
+        return [*_of_each(group), studies]
     model = effect["combined"]
-    interval = f"interval {percent(effect['low'])} to {percent(effect['high'])}"
     q = show.significant(model["q"])
     p = show.significant(model["q_p_value"], 2)
     return [
-        ("Difference over subjects (rms)", percent(effect["estimate"]), interval),
-        ("At most", percent(effect["upper_bound"]), "one-sided bound of the rms"),
+        *_sizes(group, group["confidence"], "Difference over subjects"),
         studies,
         (
             "Between subjects (I²)",
             percent(model["i2"]),
             f"Q = {q}, p = {p}; what smooth terms leave counts, too",
         ),
+    ]
+
+
+def _of_each(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return the size of each condition that has one."""
+    found = []
+    for one in group.get("by_condition", []):
+        if one["effect"] is not None:
+            name = f"{one['condition']}: difference over {one['subjects']} subjects"
+            found += _sizes(one, group["confidence"], name)
+    return found
+
+
+def _sizes(
+    answered: Mapping[str, Any], confidence: float, name: str
+) -> list[tuple[str, str, str]]:
+    """Return the size with its interval or, without a difference, first its bound.
+
+    The answer rests on one of the two, and that is the one to print. It is that of a
+    group, or of one of its conditions.
+    """
+    effect = answered["effect"]
+    size = percent(effect["estimate"])
+    values = {"confidence": show.percent(100 * confidence)}
+    if answered["conclusion"] == "different":
+        values["interval"] = f"{percent(effect['low'])} to {percent(effect['high'])}"
+        return [(name, size, str(Message("report.group_interval", values)))]
+    bound = f"at most {percent(effect['upper_bound'])}"
+    return [
+        (name, bound, str(Message("report.group_at_most", values))),
+        ("Its estimate", size, str(Message("report.group_estimate"))),
     ]
 
 

@@ -40,6 +40,8 @@ MOST_REASONS = 5
 ITSELF = "hopdata"
 # What is compared if there are many feet.
 PAIRS_OF_FEET = "maps.pairs_of_feet"
+# What the interval of a difference leaves open, if saturation is not found.
+MAY_BE_LARGER = "maps.may_be_larger"
 
 # How each is cited in the text, by its key among the references.
 CITED = {
@@ -420,7 +422,17 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
             pair = "report.methods_two_feet"
         values["pair"] = Message(pair)
         said.append(Message("report.methods_size", values))
+        said += _of_contact(verdict)
     return said
+
+
+def _of_contact(verdict: Mapping[str, Any]) -> list[Message]:
+    """Say what the interval of a difference leaves open at the simultaneous contact."""
+    sentence = verdict.get("messages", {}).get("sentence") or {}
+    reservation = sentence.get("values", {}).get("reservation") or {}
+    if reservation.get("code") != MAY_BE_LARGER:
+        return []
+    return [Message.from_dict(reservation)]
 
 
 def _far_off(verdict: Mapping[str, Any]) -> Message | str:

@@ -6,7 +6,7 @@ said in ``messages.toml`` alone, from which docs/cannot_tell.md has it, too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,31 +23,49 @@ DOCUMENTATION = (
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
 
-# Causes of limits that have advice of their own.
-CAUSES = (
-    "landings",
-    "noise",
-    "posture",
-    "spread",
-    "drift",
-    "sections",
-    "saturation",
-    "orders",
-)
+# The advice on more landings.
+MORE_LANDINGS = "report.advice_landings"
 
-# Advice on a limit by its code, where it is not that of its cause.
+# The advice on a limit by its cause.
+OF_CAUSE = {
+    "landings": MORE_LANDINGS,
+    "noise": "report.advice_noise",
+    "posture": "report.advice_posture",
+    "spread": "report.advice_spread",
+    "drift": "report.advice_drift",
+    "sections": "report.advice_sections",
+    "saturation": "report.advice_saturation",
+    "orders": "report.advice_orders",
+}
+
+# The advice on a limit by its code, where it is not that of its cause.
 OF_CODE = {
-    "maps.limit_landings_no": "landings_no",
-    "maps.limit_spread": "far_apart",
-    ONE_ORDER: "one_order",
+    "maps.limit_landings_no": "report.advice_landings_no",
+    "maps.limit_spread": "report.advice_far_apart",
+    ONE_ORDER: "report.advice_one_order",
+}
+
+# What each of these limits is called where studies of a group are counted.
+LIMITS = {
+    "report.advice_landings": "report.limit_landings",
+    "report.advice_landings_no": "report.limit_landings_no",
+    "report.advice_spread": "report.limit_spread",
+    "report.advice_noise": "report.limit_noise",
+    "report.advice_posture": "report.limit_posture",
+    "report.advice_drift": "report.limit_drift",
+    "report.advice_sections": "report.limit_sections",
+    "report.advice_orders": "report.limit_orders",
+    "report.advice_one_order": "report.limit_one_order",
+    "report.advice_far_apart": "report.limit_far_apart",
+    "report.advice_saturation": "report.limit_saturation",
 }
 
 # Reasons why there is no number that name no limit: the advice on each.
 OF_REASON = {
-    "maps.copies": "copies",
-    "maps.body_at_rest": "still",
-    "maps.outcome_constant": "still",
-    "maps.too_few_feet": "feet",
+    "maps.copies": "report.advice_copies",
+    "maps.body_at_rest": "report.advice_still",
+    "maps.outcome_constant": "report.advice_still",
+    "maps.too_few_feet": "report.advice_feet",
 }
 
 # Feet of a body with a single kink.
@@ -68,40 +86,45 @@ def limits(verdict: Verdict | None) -> list[Limit]:
     Advice that two limits share is given once.
     """
     known = verdict or {}
-    found = []
-    given = {""}
     causes = known.get("what_now") or []
-    if any(cause.get("code") == ONE_ORDER for cause in causes):
-        # More landings in the same order are of no use.
-        given.add("landings")
+    found = []
+    waiting = _codes(causes)
     for cause in causes:
-        name = _advice_on(cause)
+        code = _advice_on(cause)
         advice: Message | str = ""
-        if name not in given:
-            advice = Message(f"report.advice_{name}")
-        given.add(name)
+        if code in waiting:
+            waiting.remove(code)
+            advice = Message(code)
         found.append(Limit(told(cause, str(cause.get("said", ""))), advice))
     if not found:
         found = _of_reasons(known)
     return found
 
 
+def _codes(causes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the codes of the advice on these limits, each once."""
+    codes = dict.fromkeys(_advice_on(cause) for cause in causes)
+    codes.pop("", None)
+    if OF_CODE[ONE_ORDER] in codes:
+        # More landings in the same order are of no use.
+        codes.pop(MORE_LANDINGS, None)
+    return list(codes)
+
+
 def _advice_on(cause: Mapping[str, Any]) -> str:
-    """Return the name of the advice on a limit; empty if it names no known cause."""
-    if cause.get("code") in OF_CODE:
-        return OF_CODE[str(cause["code"])]
-    name = str(cause.get("cause"))
-    return name if name in CAUSES else ""
+    """Return the code of the advice on a limit; empty if it names no known cause."""
+    of_its_code = OF_CODE.get(str(cause.get("code")))
+    return of_its_code or OF_CAUSE.get(str(cause.get("cause")), "")
 
 
 def _of_reasons(verdict: Verdict) -> list[Limit]:
     """Return the reasons why there is no number, if they name no limit."""
     found = []
     for note in verdict.get("notes") or []:
-        name = OF_REASON.get(str(note.get("code")))
-        if name is not None:
+        code = OF_REASON.get(str(note.get("code")))
+        if code is not None:
             reason = told(note, str(note.get("reason", "")))
-            found.append(Limit(reason, Message(f"report.advice_{name}")))
+            found.append(Limit(reason, Message(code)))
     return found
 
 
@@ -144,10 +167,10 @@ def cannot_tell(verdict: Verdict | None) -> bool:
 
 def _what_stands(verdict: Verdict) -> Message:
     """Return what a study without an answer has shown all the same."""
-    name = "what_now_bound"
+    code = "report.what_now_bound"
     size = verdict.get("effect") or {}
     if size and size.get("upper_bound") is None:
-        name = "what_now_average"
+        code = "report.what_now_average"
         size = verdict.get("effect_over_landings") or {}
     if size.get("upper_bound") is None:
         return Message("report.what_now_without")
@@ -155,7 +178,7 @@ def _what_stands(verdict: Verdict) -> Message:
         "bound": percent(size["upper_bound"]),
         "confidence": show.percent(100 * verdict["confidence"]),
     }
-    return Message(f"report.{name}", values)
+    return Message(code, values)
 
 
 def decisive(verdict: Verdict | None) -> list[Message | str]:
@@ -169,3 +192,79 @@ def decisive(verdict: Verdict | None) -> list[Message | str]:
     if shown and shown[0].get("code") == ONE_ORDER:
         shown = causes[:2]
     return [told(cause, str(cause.get("said", ""))) for cause in shown]
+
+
+# What limits a group: its studies, counted.
+
+# Most studies that a limit names.
+MOST_NAMED = 5
+
+# Answers of studies that need no advice.
+ANSWERS = ("different", "no difference")
+
+
+def limits_of_group(rows: Sequence[Mapping[str, Any]]) -> list[Limit]:
+    """Return what limits the studies of a group that cannot tell, most frequent first.
+
+    Parameters
+    ----------
+    rows : sequence of mappings
+        A row for each study, with the ``what_now`` of its verdict, if it is known.
+    """
+    subjects: dict[str, list[str]] = {}
+    for row in rows:
+        if not row["reason"] and row["conclusion"] in ANSWERS:
+            continue
+        for code in _codes(row.get("what_now") or []):
+            subjects.setdefault(code, []).append(study_name(row))
+    ordered = sorted(subjects.items(), key=lambda item: -len(item[1]))
+    found = []
+    for code, of_limit in ordered:
+        values = {
+            "limit": Message(LIMITS[code]),
+            "studies": f"{len(of_limit)} of {len(rows)} studies ({_listed(of_limit)})",
+        }
+        found.append(Limit(Message("report.group_limit", values), Message(code)))
+    return found
+
+
+def study_name(row: Mapping[str, Any]) -> str:
+    """Return the subject of a study of a group, and its condition if it has one."""
+    return ", ".join(part for part in (row["subject"], row["condition"]) if part)
+
+
+def _listed(names: Sequence[str]) -> str:
+    listed = "; ".join(names[:MOST_NAMED])
+    more = len(names) - MOST_NAMED
+    return f"{listed} and {more} others" if more > 0 else listed
+
+
+def advice_to_group(group: Mapping[str, Any]) -> list[Message]:
+    """Return what else a group that cannot tell should know; else nothing.
+
+    Parameters
+    ----------
+    group : mapping
+        Contents of ``group.json``.
+    """
+    if group["conclusion"] in ANSWERS:
+        return []
+    said = []
+    rows = group["members"]
+    feet = {len(row["contacts"]["feet"]) for row in rows if row.get("contacts")}
+    if feet == {TWO} and not any(row.get("landings_needed") for row in rows):
+        advice = Message("report.advice_two_feet")
+        said.append(Message("report.group_two_feet", {"advice": advice}))
+    said.append(Message("report.advice_group"))
+    effect = group["effect"]
+    if effect is not None:
+        values = {
+            "bound": percent(effect["upper_bound"]),
+            "confidence": show.percent(100 * group["confidence"]),
+        }
+        said.append(Message("report.group_stands_bound", values))
+    elif any(one["effect"] for one in group.get("by_condition", [])):
+        said.append(Message("report.group_stands_conditions"))
+    elif feet:
+        said.append(Message("report.group_stands_contacts"))
+    return said

@@ -1,9 +1,12 @@
 """The steered hopper as an environment of gymnasium; importing this registers it.
 
     import gymnasium
-    import hopdata.steering.environment
 
-    environment = gymnasium.make("hopdata/SteeredHopper-v0", task="origin")
+    name = "hopdata.steering.environment:hopdata/SteeredHopper-v0"
+    environment = gymnasium.make(name, task="origin")
+
+gymnasium imports the module before the colon. It loads no entry points, so that it
+knows the environment by ``hopdata/SteeredHopper-v0`` alone only after an import.
 
 Nothing else of hopdata needs gymnasium (``pip install 'hopdata[gym]'``).
 """

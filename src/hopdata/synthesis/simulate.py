@@ -69,8 +69,10 @@ class Simulation:
         self.scene.require_take_off(f"simulation.{self.name}")
         if self.name != STANDARD:
             self._require_own_form()
-        known = " and ".join(self.scene.controls)
-        wanted = f"0, since the scene {self.name} knows {known} only"
+        known = " and ".join(self.scene.controls) or "none of them"
+        wanted = f"0, since the scene {self.name} knows {known}"
+        if self.scene.controls:
+            wanted += " only"
         for strength, value in asdict(self.control).items():
             fits = value == 0 or strength in self.scene.controls
             require(fits, f"simulation.control.{strength}", wanted, value)

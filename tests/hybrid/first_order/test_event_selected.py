@@ -205,3 +205,41 @@ def test_coulomb_friction_has_no_extension_where_it_turns(slide, smooth_below, l
     system = System(rubbed, foot, n_states=3, guard_names=("foot",))
     found = check_c1(system, [0.0, -2.0, slide], params=[20.0, smooth_below], mode=[-1])
     assert missing(found) == lines
+
+
+# Three feet whose impacts change each other's speeds: how a speed answers an impulse.
+ANSWERS = np.array([[1.0, 0.4, -0.3], [0.4, 1.5, 0.2], [-0.3, 0.2, 0.8]])
+
+
+@field(compiled=False)
+def falling_feet(t, y, mode, params, dy):
+    dy[:3] = y[3:]
+    dy[3:] = 0.0
+
+
+@guards(compiled=False)
+def floors(t, y, dy, mode, params, h, hdot):
+    h[:] = y[:3]
+    hdot[:] = dy[:3]
+
+
+@on_event(compiled=False)
+def impact(t, y, mode, params, guard, direction):
+    order = params[1:].astype(int)  # which foot a guard is of
+    answers = ANSWERS[np.ix_(order, order)]
+    y[3:] -= answers[:, guard] * params[0] * y[3 + guard] / answers[guard, guard]
+    return 0
+
+
+FEET = System(
+    falling_feet, floors, impact, n_states=6, guard_names=("one", "two", "three")
+)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1), (1, 2, 0), (2, 1, 0)])
+def test_what_an_impact_leaves_of_a_speed_is_its_own_share_in_any_order(lost, order):
+    start = np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0])
+    found = check_c1(FEET, start, params=[lost, *order], mode=[-1, -1, -1])
+    assert value(found, KEPT) == pytest.approx(1.0 - lost, abs=1e-12)
+    assert (KEPT in missing(found)) == (lost == 1.0)

@@ -1,13 +1,15 @@
 """Gradients over events: against the forward derivative and central differences."""
 
 import os
+from contextlib import contextmanager
 from math import sin
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guards, on_event, solve
-from hopdata.hybrid.gradients import gradient
+from hopdata.hybrid.gradients import adjoint, backward, gradient
 
 TIGHT = {"rtol": 1e-12, "atol": 1e-13}
 
@@ -212,3 +214,26 @@ def test_all_losses_together_have_the_slope_of_central_differences(name):
         slope = 0.5 * (lose(both + aside).value - lose(both - aside).value)
         along = np.array([*found.by_start, *found.by_params]) * aside
         assert abs(along.sum() - slope) <= 2e-6 * abs(along).sum()
+
+
+def test_what_compiles_for_long_is_said(monkeypatch):
+    said = []
+
+    @contextmanager
+    def heard(what):
+        said.append(what)
+        yield
+
+    for module in (adjoint, backward):
+        monkeypatch.setattr(module, "said_if_long", heard)
+    gradient(BALL, (0.0, 0.8), [1.0, 0.0], params=[9.81, 0.8], at_end=last)
+    assert said[0] == "the functions of a system for gradients"
+    said.clear()
+    # The pass is the same for all systems, and compiled once.
+    kinds = []
+    fresh = SimpleNamespace(signatures=kinds, compile=kinds.append, typeof_pyval=type)
+    monkeypatch.setattr(backward, "_dispatcher", lambda: fresh)
+    for _ in range(2):
+        assert backward.compiled_backward(1, 2.0) is fresh
+    assert said == ["the functions of the pass backward"]
+    assert kinds == [(int, float)]

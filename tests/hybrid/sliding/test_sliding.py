@@ -368,6 +368,16 @@ def test_static_friction_above_the_kinetic_one():
     np.testing.assert_allclose(log.time, expected, rtol=0, atol=1e-8)
 
 
+def test_static_friction_holds_where_the_kinetic_one_lets_the_block_cross():
+    solution = solve(dry, (0.0, 9.0), [0.0, 0.5], params=[0.1, 0.5, 0.5])
+    log = solution.events
+    # Torn off at 0.5 m, it swings about 0.1 m and comes back at -0.3 m.
+    swing = 2.0 * np.pi - 2.0 * np.arctan2(0.4, 0.5)
+    expected = np.cumsum([0.0, 1.0, swing, 0.0, 1.6])
+    np.testing.assert_array_equal(log.direction, [2, -3, 1, -2, -3])
+    np.testing.assert_allclose(log.time, expected, rtol=0, atol=1e-8)
+
+
 def test_the_past_of_a_state_that_slides_is_refused():
     with pytest.raises(ArgumentError, match="unique past"):
         solve(dry, (1.0, 0.0), [0.0, 0.5], params=[0.15, 0.5, 0.15])

@@ -7,6 +7,7 @@ import pytest
 
 import hopdata as hd
 from hopdata.landings.contacts.one_foot import markers_of_one_foot, one_foot_remarks
+from hopdata.messages import in_shell
 
 SHOE = np.array([[0.0, 0.0, 0.03], [0.2, 0.03, 0.02], [0.2, -0.06, 0.02]])
 TRIANGLE = 0.38 * np.array([[1.0, 0.0, 0.0], [-0.5, 0.87, 0.0], [-0.5, -0.87, 0.0]])
@@ -51,7 +52,9 @@ def test_a_shoe_that_swings_is_one_foot(body):
     (remark,) = one_foot_remarks(shoe)
     assert "heel, mt1 and mt5 keep their distances" in str(remark)
     assert "feet={'foot': ['heel', 'mt1', 'mt5']}" in str(remark)
-    assert "--feet 'foot=heel,mt1,mt5'" in str(remark)
+    assert "--feet" not in str(remark)
+    typed = str(in_shell(remark))
+    assert typed.endswith("then name them as one: --feet 'foot=heel,mt1,mt5'")
     as_one = shoe.with_roles(feet={"foot": NAMES})
     assert one_foot_remarks(as_one) == []
 

@@ -5,15 +5,17 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import chi2, sem, t, ttest_1samp
+from scipy.stats import binom, chi2, sem, t, ttest_1samp
 from statsmodels.stats.meta_analysis import combine_effects
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.group import (
     combine,
     compare_conditions,
+    conditions_said,
+    differ,
+    joint_level,
     judge_group,
-    told_apart,
 )
 from hopdata.maps.verdict.model import LEFT
 
@@ -82,6 +84,29 @@ def test_more_differences_than_false_alarms_explain_are_one_of_the_group(
     assert (verdict.conclusion == "different") == is_different
     more = ", more than false alarms explain" if is_different else ""
     assert f"Different on their own: {found} of 6 studies{more}." in verdict.sentence
+
+
+@pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
+def test_two_rules_share_the_level_of_a_group(confidence):
+    for number in range(3, 60):
+        fewest, of_mean = joint_level(number, confidence)
+        by_number = binom.sf(fewest - 1, number, 1.0 - confidence)
+        assert by_number + of_mean <= 1.0 - confidence + 1e-12
+        assert of_mean >= 0.1 * (1.0 - confidence)
+        # One study fewer would leave the mean too little.
+        fewer = binom.sf(fewest - 2, number, 1.0 - confidence)
+        assert fewer >= 0.9 * (1.0 - confidence)
+
+
+def test_the_lower_end_has_the_level_that_the_number_of_studies_leaves():
+    """Of seven, two alarms have 4.4 % of the 5 %; of four, they leave one whole tail."""
+    for number, tail in ((4, 0.025), (7, 0.05 - binom.sf(1, 7, 0.05))):
+        assert joint_level(number, 0.95) == (2, pytest.approx(tail))
+        table = studies(np.full(number, 0.5), 1).assign(left=0.0, allowed=0.0)
+        found = judge_group(table)
+        model = found.combined
+        low = np.sqrt(model.mean - t.isf(tail, number - 1) * model.error)
+        assert found.low == pytest.approx(low)
 
 
 def test_false_alarms_of_studies_are_seldom_one_of_the_group():
@@ -206,13 +231,26 @@ def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
     found = compare_conditions(pd.concat(rows)).iloc[0]
     assert found["p_value"] < 0.05
     assert found["low"] < 0 < found["high"]
-    assert not told_apart(compare_conditions(pd.concat(rows)))
+    assert not differ(found)
+    alike = conditions_said(compare_conditions(pd.concat(rows)))
+    assert alike.startswith("Within subjects, no difference was shown between a (")
     rows[1] = studies(np.full(30, 0.5), 2, "b")
     apart = compare_conditions(pd.concat(rows))
     assert apart.iloc[0]["high"] < 0
+    assert differ(apart.iloc[0])
     assert re.fullmatch(
-        r" Conditions differ: a \(\d+ %\) and b \(\d+ %\)\.", told_apart(apart)
+        r"Within subjects, conditions differ: a \(\d+ %\) and b \(\d+ %\), squares by "
+        r"-0\.\d+ \(95 % interval -0\.\d+ to -0\.\d+; p \S+ after Holm, 30 subjects\)\.",
+        conditions_said(apart),
     )
+
+
+def test_each_condition_leaves_its_own_remainder_in_a_difference():
+    rows = [studies(np.full(9, 0.3), 1, "a"), studies(np.full(9, 0.3), 2, "b")]
+    (before,) = compare_conditions(pd.concat(rows)).to_dict("records")
+    rows[1]["left"] = LEFT + 0.2
+    (row,) = compare_conditions(pd.concat(rows)).to_dict("records")
+    assert before["low"] - row["low"] == pytest.approx(0.2 * row["size_b"])
 
 
 def test_conditions_that_few_subjects_share_are_not_compared():

@@ -17,9 +17,9 @@ from hopdata.maps.verdict.saturation import (
     FASTEST,
     SLOWEST,
     TIME_CONSTANTS,
+    Lasting,
     durations,
     kinks_of_durations,
-    least_time_constant,
     mean_saturated,
     saturated,
 )
@@ -77,12 +77,12 @@ def test_terms_are_averaged_over_what_is_not_foretold():
 
 
 def test_the_least_time_constant_is_where_the_share_is_reached():
-    shown = np.array([SLOWEST, 1.0, FASTEST]), np.array([0.99, 0.5, 0.1])
-    assert least_time_constant(shown, 0.5) == pytest.approx(1.0)
-    assert least_time_constant(shown, 0.995) is None
-    assert least_time_constant(shown, 0.05) == FASTEST
+    shown = Lasting(np.array([SLOWEST, 1.0, FASTEST]), np.array([0.99, 0.5, 0.1]))
+    assert shown.least_time_constant(0.5) == pytest.approx(1.0)
+    assert shown.least_time_constant(0.995) is None
+    assert shown.least_time_constant(0.05) == FASTEST
     between = np.sqrt(1.0 * SLOWEST)
-    assert least_time_constant(shown, 0.745) == pytest.approx(between)
+    assert shown.least_time_constant(0.745) == pytest.approx(between)
 
 
 @pytest.fixture(scope="module")
@@ -153,6 +153,17 @@ def test_the_bound_says_what_it_does_not_cover():
     words = f"one that fades within {spreads:.2g} times the spread of the contacts"
     assert words in same.sentence
     assert "over these landings" in same.sentence
+
+
+def test_an_interval_says_what_it_leaves_open_at_the_contact(lasting, brief):
+    """Where saturation is found, there is no upper end to be doubled."""
+    spreads = lasting.twice_high_from / lasting.contact_spread
+    assert 0.1 < spreads < 2.0
+    twice = f"{float(f'{200 * lasting.effect.high:.2g}'):g} %"
+    words = f"and more than {twice} if it fades within {spreads:.2g} times the spread"
+    assert words in lasting.sentence
+    assert brief.twice_high_from is None
+    assert "if it fades within" not in brief.sentence
 
 
 def test_a_wider_margin_covers_faster_kinks():

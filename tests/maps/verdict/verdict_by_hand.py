@@ -1760,6 +1760,8 @@ def verdict(x, y, instants, seed, **options):
     spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
     share = effects[0]["upper_bound"] / study.margin
     holds = holds_from(section, fit, share)
+    found = effect["low"] > 0 and effect["high"] is not None
+    half = holds_from(section, fit, 0.5) if found else None
     needed = landings_needed(len(study.x), effect, study.instants.shape[1])
     if jump is not None and jump["low"] > 0 and effect["low"] == 0:
         needed = None
@@ -1767,6 +1769,7 @@ def verdict(x, y, instants, seed, **options):
         "conclusion": conclusion(effect, jump, study.margin),
         "contact_spread": spread,
         "holds_from": None if holds is None else holds * spread,
+        "twice_high_from": None if half is None else half * spread,
         "landings_needed": needed,
         "n_landings": section.n,
         "n_window": len(fit.rows),

@@ -67,3 +67,48 @@ def test_feet_that_jump_together_are_no_single_foot():
     _, feet, joined = found(raw)
     assert feet == ["toe1", "toe2", "toe3"]
     assert joined == {}
+
+
+def trot(limbs, *, seconds=8.0, rate_hz=200.0, stride_s=0.7, stance_s=0.3):
+    """Return an animal at the trot: limbs 0 and 3 land, half a stride later 1 and 2.
+
+    Each hoof has a toe and a heel; the trunk sinks in each stance.
+    """
+    rng = np.random.default_rng(7)
+    time = np.arange(round(seconds * rate_hz)) / rate_hz
+    names = []
+    tracks = []
+    for number, limb in enumerate(limbs):
+        late_s = 0.0 if number in (0, 3) else stride_s / 2
+        share = ((time - late_s) % stride_s - stance_s) / (stride_s - stance_s)
+        height = 0.1 * np.sin(np.pi * np.clip(share, 0.0, 1.0))
+        ahead = 0.6 - 0.8 * (number // 2)
+        aside = 0.2 if number % 2 == 0 else -0.2
+        for place, further in (("Hoof_toe", 0.06), ("Hoof_heel", -0.06)):
+            names.append(f"{limb}_{place}")
+            level = np.full_like(time, aside)
+            tracks.append([np.full_like(time, ahead + further), level, 0.02 + height])
+    sway = -0.03 * np.cos(4 * np.pi * (time - stance_s / 2) / stride_s)
+    for name, ahead, aside in (
+        ("Withers", 0.5, 0.0),
+        ("Croup", -0.2, 0.0),
+        ("Hip_L", -0.1, 0.2),
+        ("Hip_R", -0.1, -0.2),
+    ):
+        names.append(name)
+        level = np.full_like(time, aside)
+        tracks.append([np.full_like(time, ahead), level, 1.2 - sway])
+    positions = np.array(tracks).transpose(2, 0, 1)
+    positions = positions + rng.normal(0, 5e-4, positions.shape)
+    return RawRecording(tuple(names), time, positions, rate_hz, "m")
+
+
+@pytest.mark.parametrize("limbs", [("LF", "RF", "LH", "RH"), ("FL", "FR", "HL", "HR")])
+def test_all_hooves_of_a_trot_are_feet_of_two_markers(limbs):
+    """A study would take one diagonal, whose hooves land together."""
+    roles, feet, joined = found(trot(limbs))
+    assert {name.split("_")[0] for name in roles.feet} < set(limbs)
+    assert len(feet) == 8
+    assert joined == {
+        limb: [f"{limb}_Hoof_toe", f"{limb}_Hoof_heel"] for limb in sorted(limbs)
+    }

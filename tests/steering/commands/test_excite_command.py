@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from hopdata.__main__ import main
+from hopdata.errors import ConfigError
 from hopdata.steering.commands import excite
 from hopdata.steering.control.forecast import NEIGHBOURS
 from hopdata.steering.live import simulated_time
@@ -138,6 +139,18 @@ def test_a_rest_that_nobody_can_end_ends_it(excited, monkeypatch, capsys):
     out = capsys.readouterr().out
     assert "it rests, and nobody is there to arm it again" in out
     assert "missing: 40 strides" in out
+
+
+def test_one_that_could_not_begin_leaves_no_folder(excited, monkeypatch, capsys):
+    def refused(*_given, **_options):
+        raise ConfigError.at("simulated", "a simulation with path", "none")
+
+    monkeypatch.setattr(simulated_time, "drive_in_simulated_time", refused)
+    assert excited() == 1
+    said = capsys.readouterr()
+    assert "expected a simulation with path" in said.err
+    assert "missing" not in said.out
+    assert not Path("drive-strides").exists()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from hopdata.steering.control.forecast import LEAST_ARRIVED, Way, forecast, warning
+from hopdata.steering.control.forecast import (
+    LEAST_ARRIVED,
+    Way,
+    forecast,
+    persistent,
+    warning,
+)
 from hopdata.steering.frame_changes import FrameChanges, hopper_axes
 from hopdata.steering.models.learning import prediction_score
 from hopdata.steering.models.training import trained_process
@@ -134,3 +140,39 @@ def test_it_tells_of_any_robot_whether_its_model_will_do(turn_rad, is_named):
     # Straight ahead from behind, any model arrives; from beside it, not one that errs.
     ahead = forecast(process, fresh, way=way, starts=np.tile([-0.8, 0.0, 0.0], (9, 1)))
     assert ahead.arrived == 1.0 or is_named
+
+
+def errors_that_follow(correlation, n, seed):
+    """Return errors (n, 3) of which the second correlates from stride to stride."""
+    rng = np.random.default_rng(seed)
+    error = rng.standard_normal((n, 3))
+    for k in range(1, n):
+        new = np.sqrt(1 - correlation**2) * error[k, 1]
+        error[k, 1] = correlation * error[k - 1, 1] + new
+    return error + 5.0  # a mean is no sign
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_errors_that_carry_over_are_named_and_independent_ones_are_not(seed):
+    hops = made(300)
+    error = errors_that_follow(0.85, 300, seed)
+    assert persistent(error, hops) == ("dy",)
+    assert persistent(errors_that_follow(0.0, 300, seed), hops) == ()
+    # Strides of which others were learned, in any order.
+    rest = np.random.default_rng(seed).permutation(300)[:120]
+    assert persistent(error[rest], hops.rows(rest)) == ("dy",)
+    # Strides of several recordings, or far apart, are not in a row.
+    alone = hops.rows(np.arange(0, 300, 50))
+    assert persistent(error[::50], alone) == ()
+
+
+def test_a_forecast_that_is_too_hopeful_says_so(sound):
+    expected, said = foretold(*sound)
+    assert said is None
+    scores = prediction_score(trained_process(sound[0]), sound[1])
+    columns = {**expected.columns(), "persistent": "dy"}
+    said = warning(scores.assign(**columns))
+    assert said.code == "steering.errors_persist"
+    assert "errors in dy" in str(said)
+    del columns["persistent"]  # as older versions wrote it
+    assert warning(scores.assign(**columns)) is None

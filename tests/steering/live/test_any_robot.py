@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
+from hopdata.errors import AnalysisError
 from hopdata.steering.live.buffer import Frame
 from hopdata.steering.live.clocked import ClockedDrive, Transport
 from hopdata.steering.live.limits import Limits
@@ -69,6 +70,40 @@ def drive_of(controller, *, log=None, x_m=1.0, **options):
         **options,
     )
     return drive, seen, actuator, decisions
+
+
+def turned(end, states):
+    return end, states.T
+
+
+def none_of_it(end, states):
+    return end, states[:0]
+
+
+def alone(end, states):
+    return states
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            turned,
+            r"path: expected states \(K, N\), with a row for each of the \d+ times",
+        ),
+        (none_of_it, r"found the shape \(0, \d+\)"),
+        (alone, "path: expected"),
+    ],
+)
+def test_a_path_of_another_shape_is_one_error(change, message):
+    robot = SimpleNamespace(
+        axes=ROBOT.axes,
+        release=ROBOT.release,
+        path=lambda *given: change(*ROBOT.path(*given)),
+    )
+    seen = SeenRobot(robot, HeldInputs(np.zeros(1)), seed=5)
+    with pytest.raises(AnalysisError, match=message):
+        seen.next_frames()
 
 
 def test_each_apex_is_seen_with_pose_and_speed_and_planned_for():

@@ -18,7 +18,8 @@ IMPORT = re.compile(
     r"import (\([^)]*\)|.*)$",
     re.MULTILINE,
 )
-NOT_IN_CODE = ("compiled/digest.py",)  # it affects where code is kept, not the code
+# They affect where code is kept, or what is said of it, and not the code.
+NOT_IN_CODE = ("compiled/digest.py", "compiled/aloud.py")
 
 
 @cache

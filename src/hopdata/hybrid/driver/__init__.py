@@ -9,7 +9,8 @@
 - `localise`, `end_step`: find where, and make the step end there
 - `watch`: guards at their surfaces, and those that will soon reach theirs
 - `instant`: the events there, one after the other
-- `jacobian`: the flow's Jacobian over a step and across an event
+- `tangents`: the flow's Jacobian over a step
+- `jacobian`: the same across an instant; `slopes`: of a guard; `resets`: of a handler
 - `dense`, `log`: what is written of the trajectory and of the events
 - `sleep`: guards that cannot flip for a while
 - `problem`: what is integrated, and what counts as rounding

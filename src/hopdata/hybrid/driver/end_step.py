@@ -11,10 +11,10 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver import problem, watch
 from hopdata.hybrid.driver.dense import interpolate
-from hopdata.hybrid.driver.jacobian import has_short_tangent
 from hopdata.hybrid.driver.localise import NONE
 from hopdata.hybrid.driver.proof import first_flip
 from hopdata.hybrid.driver.stepping import take_step
+from hopdata.hybrid.driver.tangents import has_short_tangent
 from hopdata.hybrid.layout import Memory
 
 #: Most corrections of a step's end by Newton's method.

@@ -28,11 +28,11 @@ from hopdata.hybrid.driver.jacobian import (
     SALTATE,
     TOGETHER,
     first_order,
-    keep,
     on_another,
     on_surface,
 )
 from hopdata.hybrid.driver.log import Log, begin_event, end_event, is_full
+from hopdata.hybrid.driver.resets import keep
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
 from hopdata.hybrid.layout import Memory

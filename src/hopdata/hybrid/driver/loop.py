@@ -6,7 +6,6 @@ the callbacks by address and is compiled once per install (see `compiled`). It r
 arrays through the argument block (see `workspace`).
 """
 
-import sys
 import time
 from collections.abc import Callable
 from functools import cache, partial
@@ -22,6 +21,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled import memory, records
+from hopdata.hybrid.compiled.aloud import say
 from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
@@ -30,7 +30,9 @@ from hopdata.hybrid.driver.ahead import forget_box
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import fire_all, refresh, settle_locks
 from hopdata.hybrid.driver.log import Log, forget_mode
+from hopdata.hybrid.driver.resets import carry_reset
 from hopdata.hybrid.driver.sleep import REACH, travel_on
+from hopdata.hybrid.driver.tangents import carry_jacobian, grown_error, single
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.layout import Memory
 
@@ -138,7 +140,7 @@ def meet_instants(p: problem.Problem, m: Memory, out: dense.Output, log: Log) ->
         return at.RUNNING
     forget_box(m)
     if moves:
-        before = jacobian.single(m, at.F_BEFORE)
+        before = single(m, at.F_BEFORE)
         problem.copy_row(m.states, at.K1, p.tangent, before)
     status = refresh(p, m)
     if status == at.RUNNING and moves:
@@ -228,11 +230,11 @@ def clear(p: problem.Problem, m: Memory, log: Log) -> bool:
     for i in range(m.states.width):
         m.states[at.Y, i] = p.start_state[i]
         if p.first_order != 0:
-            p.tangent[jacobian.single(m, at.PHI_PART), i] = 1.0
-            p.tangent[jacobian.single(m, at.PHI_LARGEST), i] = 0.0
-            p.tangent[jacobian.single(m, at.PHI_ERROR), i] = 0.0
-            p.tangent[jacobian.single(m, at.PHI_STEP_ERROR), i] = 0.0
-            problem.fill_row(p.tangent, jacobian.single(m, at.PHI_GROWN) + i, 0.0)
+            p.tangent[single(m, at.PHI_PART), i] = 1.0
+            p.tangent[single(m, at.PHI_LARGEST), i] = 0.0
+            p.tangent[single(m, at.PHI_ERROR), i] = 0.0
+            p.tangent[single(m, at.PHI_STEP_ERROR), i] = 0.0
+            problem.fill_row(p.tangent, single(m, at.PHI_GROWN) + i, 0.0)
     return problem.first_not_finite(m.states, at.Y) < 0
 
 
@@ -383,13 +385,13 @@ def _first_order(
     p = problem_of(slots)
     m = memory_of(slots)
     if part == jacobian.CARRY:
-        return jacobian.carry_jacobian(p, m, dt)
+        return carry_jacobian(p, m, dt)
     if part == jacobian.SALTATE:
         return float(jacobian.saltate(p, m, k, which))
     if part == jacobian.INSTANT:
         return float(jacobian.pass_instant(p, m))
     if part == jacobian.RESET:
-        jumped = jacobian.carry_reset(p, m, log_of(slots).floats, which, k, way)
+        jumped = carry_reset(p, m, log_of(slots).floats, which, k, way)
         return 1.0 if jumped else 0.0
     is_known = jacobian.saltate_handlers(p, m, which != 0)
     return 1.0 if is_known else 0.0
@@ -445,11 +447,6 @@ def compiled_aloud(function: Any, compiler: Any, cached: bool, what: str) -> Any
     where = NOT_KEPT if folder is None else f"it is kept in {folder.parent}"
     say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
     return compiled
-
-
-def say(what: str) -> None:
-    """Write a line to stderr."""
-    print(f"hopdata: {what}", file=sys.stderr, flush=True)
 
 
 @cache
@@ -512,6 +509,7 @@ class Results(NamedTuple):
     counts: IntArray  # the driver's counters
     samples: FloatArray  # states at the requested times; empty if there are none
     jacobians: FloatArray  # of the flow; empty if they are not wanted
+    errors: FloatArray  # of the Jacobians, estimated; empty like these
 
 
 _INTS = types.int64[:, ::1]
@@ -519,7 +517,7 @@ _FLOATS = types.float64[:, ::1]
 _MATRICES = types.float64[:, :, ::1]
 STARTS_NATIVE = types.NamedTuple((_FLOATS, _FLOATS, _INTS, _FLOATS, _FLOATS), Starts)
 RESULTS_NATIVE = types.NamedTuple(
-    (_INTS, _FLOATS, _INTS, _INTS, _MATRICES, _MATRICES), Results
+    (_INTS, _FLOATS, _INTS, _INTS, _MATRICES, _MATRICES, _FLOATS), Results
 )
 MANY_NATIVE = _INT(types.int64[::1], _INT, _INT, STARTS_NATIVE, RESULTS_NATIVE)
 
@@ -582,9 +580,11 @@ def read_result(block: Any, number: int, n: int, status: int, results: Any) -> N
     copy(memory.array_of(mode), results.modes[number])
     copy(memory.array_of(counts), results.counts[number])
     if len(results.jacobians) > 0:
-        phi = memory.square(memory.float_table(block[at.TANGENT_TABLE], n), 0)
+        table = memory.float_table(block[at.TANGENT_TABLE], n)
+        phi = memory.square(table, 0)
         for i in range(n):
             copy(phi[i], results.jacobians[number, i])
+        results.errors[number, 0] = grown_error(table)
 
 
 ENDLESS_PATIENCE = 1 << 62  # steps without a return to Python

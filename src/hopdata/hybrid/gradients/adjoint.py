@@ -11,6 +11,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import ArgumentError, Told, told_call
 from hopdata.hybrid import arguments, layout
 from hopdata.hybrid.arguments import expect
+from hopdata.hybrid.compiled.aloud import said_if_long
 from hopdata.hybrid.derived import goes_back
 from hopdata.hybrid.gradients.backward import compiled_backward
 from hopdata.hybrid.gradients.extended import (
@@ -214,7 +215,8 @@ def gradient(  # noqa: PLR0913 (each parameter is an option of the user's)
     if extended.sliding:
         extended = sliding_system(without_search(extended))
     given_mode, given_memory = given_to_driver(extended, system, mode, memory)
-    code = recorders(extended, system.n_states, at_event, at_end)
+    with said_if_long("the functions of a system for gradients"):
+        code = recorders(extended, system.n_states, at_event, at_end)
     solution = solve(
         extended,
         t_span,
@@ -308,9 +310,8 @@ def _backward(
     places = PLACES + p
     while True:
         room = room_for(extended, p, len(tableau.weights), places)
-        status = compiled_backward()(
-            code, room, coefficients(tableau), run, known, found
-        )
+        given = (code, room, coefficients(tableau), run, known, found)
+        status = compiled_backward(*given)(*given)
         if status != TAPE_FULL:
             return found, status
         places *= 2

@@ -18,6 +18,7 @@ from numba import njit
 from hopdata.arrays import FloatArray
 from hopdata.code_cache import compiled_in_cache
 from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled.aloud import said_if_long
 from hopdata.hybrid.compiled.kernel import ENTRY, kernel, kernel_apart
 from hopdata.hybrid.gradients.instant import instant_back, instant_of
 from hopdata.hybrid.gradients.jump import NO_INSTANT, end_back, jump_at, set_limits
@@ -134,13 +135,21 @@ def backward(
 
 
 @cache
-def compiled_backward() -> Callable[..., int]:
-    """Return the compiled `backward`, the same for all systems."""
-
+def _dispatcher() -> Any:
     def compile_it(cached: bool) -> Any:
         return njit(cache=cached, **ENTRY)(backward)
 
-    compiled: Callable[..., int] = compiled_in_cache(
-        backward, f"{own_digest()}-backward", compile_it
-    )
+    return compiled_in_cache(backward, f"{own_digest()}-backward", compile_it)
+
+
+def compiled_backward(*given: Any) -> Callable[..., int]:
+    """Return `backward`, compiled for arguments such as these.
+
+    It is the same for all systems. Compiling it is announced on stderr.
+    """
+    made = _dispatcher()
+    if not made.signatures:
+        with said_if_long("the functions of the pass backward"):
+            made.compile(tuple(made.typeof_pyval(one) for one in given))
+    compiled: Callable[..., int] = made
     return compiled

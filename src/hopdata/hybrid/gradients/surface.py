@@ -11,7 +11,7 @@ All functions expect the field before the flip in F_BEFORE.
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel_apart
-from hopdata.hybrid.driver.jacobian import LEAST_LOOK, LOOK
+from hopdata.hybrid.driver.slopes import LEAST_LOOK, LOOK
 from hopdata.hybrid.gradients.recorders import Recorders
 from hopdata.hybrid.gradients.sweep import restore_params, rewind, set_params_aside
 from hopdata.hybrid.gradients.user_functions import differentiate_guard, field_value

@@ -1,14 +1,11 @@
 """Lanes for one system: whether they can integrate it, and its functions' code."""
 
 import re
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from ctypes import CFUNCTYPE, c_int64
 from functools import cache
 from math import inf
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 import numpy as np
@@ -17,12 +14,13 @@ from numba import NumbaError, cfunc, types
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled.aloud import said_if_long
 from hopdata.hybrid.compiled.caught import Caught
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import sources_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY
 from hopdata.hybrid.compiled.memory import row
-from hopdata.hybrid.driver.loop import compiled_aloud, say
+from hopdata.hybrid.driver.loop import compiled_aloud
 from hopdata.hybrid.lanes import room as layout
 from hopdata.hybrid.lanes import step as code
 from hopdata.hybrid.lanes.ranges import make, nothing_of, ranges_of
@@ -48,10 +46,6 @@ MOST_GUARDS = 62  # their indices are bits of an integer
 #: seldom agree, and each group of them is evaluated apart.
 #: Unit: 1. Origin: chosen.
 MOST_READ = 12
-
-#: Time after which it is said that a system's functions are being compiled.
-#: Unit: s. Origin: chosen.
-SILENT_S = 3.0
 
 BRANCH = (
     "it branches on the state or the time: choose between values by np.where, min or "
@@ -476,23 +470,6 @@ def _compiled(function: Any, native: Any) -> Any:
 def _digest_of(function: Any) -> str:
     sources = sources_digest(Path(__file__).parents[1], "lanes")
     return f"{function_digest(function)}-{sources}-{WIDTH}"
-
-
-@contextmanager
-def said_if_long(what: str) -> Iterator[None]:
-    """Say on stderr what is compiled, and how long it took, if it takes long."""
-    later = Timer(SILENT_S, say, [f"compiling {what}; later processes load them"])
-    later.daemon = True
-    later.start()
-    started = time.monotonic()
-    try:
-        yield
-    finally:
-        later.cancel()
-        later.join()
-    spent = time.monotonic() - started
-    if spent > SILENT_S:
-        say(f"compiled in {spent:.0f} s")
 
 
 def read_modes(system: System) -> tuple[int, ...]:

@@ -135,13 +135,37 @@ def clear_falls(
     ]
 
 
-def unseen_in(steps: Steps, spans: FloatArray) -> Steps:
-    """Return the steps that no descent of the body, (L, 2), s, holds."""
+def shown_by_body(steps: Steps, spans: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return until when feet are sought in the body's descents, and which steps are.
+
+    A step is sought in the descent of the body that holds its second half. A foot that
+    lands when the body rises again, as the hind feet do after a jump, is sought until
+    it is surely down.
+
+    Parameters
+    ----------
+    steps : Steps
+        S descents of the feet.
+    spans : (L, 2) array
+        Apex and nadir of each descent of the body, s.
+
+    Returns
+    -------
+    spans : (L, 2) array
+        With later ends where feet need it.
+    is_shown : (S,) bool array
+        Whether a descent of the body holds each step.
+    """
+    if not len(spans):
+        return spans, np.zeros(len(steps.foot), dtype=bool)
     row = np.searchsorted(spans[:, 0], steps.half_way, side="right") - 1
-    is_held = row >= 0
-    if len(spans):
-        is_held &= spans[np.maximum(row, 0), 1] >= steps.down
-    return steps.take(~is_held)
+    is_shown = (row >= 0) & (spans[np.maximum(row, 0), 1] >= steps.down)
+    # The second half of what is left takes as long as the first, or less.
+    touches_s = steps.down + (steps.down - steps.half_way)
+    sought_until = spans[:, 1].copy()
+    is_late = is_shown & (touches_s > spans[np.maximum(row, 0), 1])
+    np.maximum.at(sought_until, row[is_late], steps.down[is_late] + AFTER_S)
+    return np.stack([spans[:, 0], sought_until], axis=1), is_shown
 
 
 def landings_of(steps: Steps, n_feet: int) -> tuple[FloatArray, BoolArray]:
@@ -190,10 +214,9 @@ def found_twice(
     """Mark the contacts (L, n) that belong to a descent of a foot with a better one.
 
     The body and the foot may both show a landing, and each has its row then. Better is
-    the one that can be trusted; of two such, that of the row in which more feet land,
-    so that a landing is not split; then the surer one. If both have a kink, but are
-    farther apart than the other's error explains, either may be the contact: it depends
-    on where it is sought, and so on the choice of the body.
+    the one that can be trusted; of two such, the surer one. If both have a kink, but
+    are farther apart than the other's error explains, either may be the contact: it
+    depends on where it is sought, and so on the choice of the body.
 
     Parameters
     ----------
@@ -213,7 +236,6 @@ def found_twice(
     choice_s = np.zeros(instant.shape)
     twice = np.zeros(instant.shape, dtype=bool)
     lands = np.isfinite(instant) & (status == descents.LANDED)
-    n_landed = np.count_nonzero(lands, axis=1)
     for foot in range(instant.shape[1]):
         apexes = np.sort(steps.apex[steps.foot == foot])
         rows = np.flatnonzero(np.isfinite(instant[:, foot]))
@@ -229,7 +251,7 @@ def found_twice(
                 kept = row
                 continue
             doubts = [
-                (status[one, foot] != descents.LANDED, -n_landed[one], se[one, foot])
+                (status[one, foot] != descents.LANDED, se[one, foot])
                 for one in (kept, row)
             ]
             worse = row if doubts[0] <= doubts[1] else kept

@@ -11,6 +11,7 @@ from hopdata.arrays import FloatArray, pd
 from hopdata.landings.contacts import descents, steps
 from hopdata.landings.contacts.judged import Contacts
 from hopdata.landings.contacts.law import UNDETERMINED_S
+from hopdata.landings.contacts.together import landed_together
 from hopdata.landings.contacts.where import Descending
 
 
@@ -20,14 +21,17 @@ def table_of(found: Descending, contacts: Contacts, method: str) -> pd.DataFrame
     feet = recording.names("foot")
     time_scale = recording.time_scale
     contacts = _without_strangers(found, contacts)
+    spans, hidden = found.spans, found.hidden
+    if found.steps is not None:
+        spans, hidden, contacts = landed_together(spans, hidden, contacts)
     down = contacts.down
     if not down.size:
         down = contacts.instant
     columns: dict[str, Any] = {
         "method": method,
-        "begin_s": found.spans[:, 0] * time_scale,
-        "end_s": found.spans[:, 1] * time_scale,
-        "hidden": found.hidden,
+        "begin_s": spans[:, 0] * time_scale,
+        "end_s": spans[:, 1] * time_scale,
+        "hidden": hidden,
     }
     for i, foot in enumerate(feet):
         columns[f"contact_{foot}_s"] = contacts.instant[:, i] * time_scale

@@ -33,7 +33,7 @@ class Descending:
     recording : Recording
         At its own size.
     spans : (L, 2) array
-        Apex and nadir of each descent, s.
+        Apex and nadir of each descent, s, or when feet that land later are surely down.
     hidden : (L,) bool array
         Whether only the feet show the landing.
     down_m : float
@@ -79,8 +79,8 @@ def descents_of(
         found, fall_m = steps.find_steps(time, heights, noise_m=noise_m)
         low_m = max(steps.LOW_SHARE * fall_m, steps.LEAST_FALL_SIGMAS * noise_m)
         down_m = max(down_m, low_m)
-        unseen = steps.unseen_in(found, seen_spans)
-        more_spans, own = steps.landings_of(unseen, n_feet)
+        seen_spans, is_shown = steps.shown_by_body(found, seen_spans)
+        more_spans, own = steps.landings_of(found.take(~is_shown), n_feet)
     else:
         more_spans = descents.find_hidden_landings(
             time, heights, body, seen_spans, down_height_m=down_m

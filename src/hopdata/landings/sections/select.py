@@ -39,6 +39,7 @@ from hopdata.landings.sections.from_landings import (
     landing_heights,
 )
 from hopdata.landings.sections.modes import GroundMode, ground_mode
+from hopdata.messages import Message
 from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
@@ -51,6 +52,15 @@ LEAST_KNEE_M = 3e-4
 #: Fewest frames with all feet up, and with all down, in a hopping gait.
 #: Unit: frames. Origin: chosen.
 LEAST_FRAMES = 5
+
+#: Share of the descents in which each foot lands if feet land in turn; fewer are of a
+#: foot that hardly lands.
+#: Unit: 1. Origin: chosen.
+LEAST_TOUCHES = 0.1
+
+#: Share of the landings of two feet beyond which they land together.
+#: Unit: 1. Origin: chosen.
+MOSTLY = 0.5
 
 #: Bandwidth of the densities of feet, in deviations of the ground mode; it widens the
 #: mode by 12 %.
@@ -497,12 +507,23 @@ def _no_landing(
     error.
     """
     feet = material.recordings[0].names("foot")
-    touches = np.zeros(len(feet), dtype=np.int64)
-    descents = 0
-    for table in material.landings:
-        status = contacts_of(table).status
-        touches += (status == LANDED).sum(axis=0)
-        descents += len(status)
+    landed = np.concatenate(
+        [contacts_of(table).status == LANDED for table in material.landings]
+    )
+    touches = landed.sum(axis=0)
+    descents = len(landed)
+    groups = feet_in_turn(landed)
+    if groups:
+        told = []
+        for own in groups:
+            count = np.count_nonzero(landed[:, own].all(axis=1))
+            told.append(f"{' and '.join(feet[foot] for foot in own)} in {count}")
+        values = {
+            "descents": descents,
+            "groups": "; ".join(told),
+            "first": ", ".join(feet[foot] for foot in groups[0]),
+        }
+        return AnalysisError(Message("landings.feet_land_in_turn", values))
     if touches.max() > 0:
         change = "record more, or take feet that hardly land off markers.feet"
     else:
@@ -515,6 +536,34 @@ def _no_landing(
         f"found none in {counted(descents, 'descent')} of the body ({each}); "
         f"{change}, or set sections.pre_height_m and sections.post_height_m"
     )
+
+
+def feet_in_turn(landed: BoolArray) -> list[list[int]]:
+    """Return the groups of feet that land together, if one group lands after another.
+
+    Parameters
+    ----------
+    landed : (L, F) bool array
+        Which of the feet land in which descent of the body.
+
+    Returns
+    -------
+    list of lists of int
+        Numbers of the feet of each group; empty unless there are two groups or more of
+        two feet or more, and one lands in most of the descents of each foot.
+    """
+    from scipy.sparse.csgraph import connected_components
+
+    together = landed.T.astype(np.int64) @ landed
+    touches = together.diagonal()
+    if not len(landed) or touches.min() < LEAST_TOUCHES * len(landed):
+        return []
+    fewer = np.minimum(touches[:, None], touches)
+    n_groups, group_of = connected_components(together > MOSTLY * fewer)
+    groups = [np.flatnonzero(group_of == group).tolist() for group in range(n_groups)]
+    if n_groups < 2 or min(map(len, groups)) < 2:
+        return []
+    return groups
 
 
 def _require_hopping(frames: Frames, sections: Sections) -> None:

@@ -28,7 +28,8 @@ from hopdata.maps.verdict.comparison import compared
 from hopdata.maps.verdict.data import Measured, Options
 from hopdata.maps.verdict.effect import AtContact, EffectSize
 from hopdata.maps.verdict.preliminary import preliminary
-from hopdata.maps.verdict.sizes import at_contact, sizes_of
+from hopdata.maps.verdict.saturation import Lasting
+from hopdata.maps.verdict.sizes import Sizes, at_contact, sizes_of
 from hopdata.maps.verdict.what_now import (
     Limit,
     limits_of_reason,
@@ -43,10 +44,11 @@ from hopdata.maps.verdict.words import (
     as_given,
     contacts_said,
     jump_said,
+    may_be_larger,
     outlook,
     percent,
     sentence,
-    with_no_jump,
+    with_no_more,
     with_reservation,
     without_upper_end,
 )
@@ -108,6 +110,11 @@ class Verdict(Shown):
         Time constant, in the unit of the contact instants, from which on a difference
         that saturates is at most ``margin`` at the simultaneous contact; None if no
         difference within ``margin`` is excluded.
+    twice_high_from
+        Time constant, in the unit of the contact instants, from which on a difference
+        that saturates unseen is at most twice the ``high`` of ``effect`` at the
+        simultaneous contact; None unless the derivatives differ and are not found to
+        saturate.
     jump
         Size of the jumps of the outcome where two feet exchange their order, as a share
         of what the mean map makes of the inputs; None if it could not be computed, or
@@ -176,6 +183,7 @@ class Verdict(Shown):
     saturation_p_value: float | None = None
     contact_spread: float | None = None
     holds_from: float | None = None
+    twice_high_from: float | None = None
     jump: EffectSize | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
@@ -357,33 +365,32 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contact = at_contact(fit, landings, comparison, over_landings, options)
     effect = contact.size
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
-    share = over_landings.upper_bound / margin
-    spreads = fit.least_time_constant(landings, share)
-    holds_from = None
-    if spreads is not None:
-        holds_from = spreads * contact_spread
+    lasting = fit.lasting(landings)
+    spreads = _least(lasting, over_landings.upper_bound / margin)
     jump = sizes.jump
 
     answer = _answer(
         contact,
-        over_landings,
+        sizes,
         comparison.what,
         measured,
         options,
         spreads,
-        jump,
     )
     if jump is not None and jump.low > 0.0:
         answer = _with_jump(answer, jump, comparison.what, options)
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
+    half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = fit.growth(landings)
         limited += limits.grows(growth)
-        if limits.fades(growth):
-            fading = with_reservation(answer.sentence, Message("maps.fades"))
-            answer = replace(answer, sentence=fading)
+        if not contact.saturates:
+            # Twice as large at the contact: half of it shows over the landings.
+            half_shown = _least(lasting, 0.5)
+        fades = limits.fades(growth)
+        answer = _reserved(answer, over_landings.high, half_shown, fades=fades)
     if answer.conclusion != DIFFERENT:
         limited += limits.own_maps(sizes.orders, foot_names)
     messages = {
@@ -423,7 +430,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         saturates=contact.saturates,
         saturation_p_value=contact.p_value,
         contact_spread=contact_spread,
-        holds_from=holds_from,
+        holds_from=_scaled(spreads, contact_spread),
+        twice_high_from=_scaled(half_shown, contact_spread),
         jump=jump,
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
@@ -438,6 +446,20 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         what_now=[one.to_dict() for one in now],
         messages=messages,
     )
+
+
+def _least(lasting: Lasting | None, share: float) -> float | None:
+    """Return the time constant of which this share shows, in contact spreads."""
+    if lasting is None:
+        return None
+    return lasting.least_time_constant(share)
+
+
+def _scaled(spreads: float | None, contact_spread: float) -> float | None:
+    """Return a time constant in the unit of the instants."""
+    if spreads is None:
+        return None
+    return spreads * contact_spread
 
 
 def _no_answer(
@@ -516,12 +538,11 @@ class _Answer:
 
 def _answer(
     contact: AtContact,
-    over_landings: EffectSize,
+    sizes: Sizes,
     what: Message,
     measured: Measured,
     options: Options,
     spreads: float | None,
-    jump: EffectSize | None,
 ) -> _Answer:
     """Return what the size of the difference says.
 
@@ -538,15 +559,18 @@ def _answer(
         could_show = Message("maps.outlook_saturates", {"outlook": could_show})
     said = sentence(
         conclusion,
-        over_landings.sizes(),
+        sizes.effect.sizes(),
         what,
         options.confidence,
         options.margin,
         spreads=spreads,
         over_landings=True,
     )
-    if conclusion == NO_DIFFERENCE and jump is not None:
-        said = with_no_jump(said, jump.upper_bound)
+    if conclusion == NO_DIFFERENCE:
+        pair = None
+        if measured.n_feet > 2:
+            pair = which.largest_high(sizes.orders, which.OF_MAP)
+        said = with_no_more(said, which.largest_high(sizes.orders, which.OF_JUMP), pair)
     if contact.saturates:
         said = without_upper_end(said, conclusion, effect.low)
     return _Answer(
@@ -556,6 +580,23 @@ def _answer(
         sentence=said,
         outlook=could_show,
     )
+
+
+def _reserved(
+    answer: _Answer, high: float, half_shown: float | None, *, fades: bool
+) -> _Answer:
+    """Return the answer on a difference with what it leaves open at the contact.
+
+    There the difference is smaller if it fades towards the contact, and may be larger
+    if it saturates unseen.
+    """
+    if fades:
+        reservation = Message("maps.fades")
+    elif half_shown is not None:
+        reservation = may_be_larger(high, half_shown)
+    else:
+        return answer
+    return replace(answer, sentence=with_reservation(answer.sentence, reservation))
 
 
 def _with_jump(

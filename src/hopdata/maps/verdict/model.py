@@ -29,12 +29,7 @@ from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.exchanges import Exchange, exchanges_of, steps_of
 from hopdata.maps.verdict.growth import Growth, growth
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
-from hopdata.maps.verdict.saturation import (
-    AtContact,
-    at_contact,
-    lasts,
-    least_time_constant,
-)
+from hopdata.maps.verdict.saturation import AtContact, Lasting, at_contact, lasts
 from hopdata.maps.verdict.smooth import (
     Fit,
     Shapes,
@@ -71,7 +66,7 @@ OF_SPREAD = 2.2
 LEFT_OF_JUMPS = 0.05
 
 #: The same where contacts lie far apart, as a share of `KinkFit.allowed`.
-#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS`.
+#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS` (verdict_method.md).
 OF_ALLOWED = 0.1
 
 #: Part of a true difference that smooth terms may hide, as a share of `allowed`.
@@ -214,17 +209,11 @@ class KinkFit:
         instants = landings.expected[self.rows]
         return growth(self.smooth, instants, landings.unforetold.total)
 
-    def least_time_constant(
-        self, landings: SectionLandings, share: float
-    ) -> float | None:
-        """Return the least time constant at which this share of kinks shows.
-
-        It is in contact spreads; see `saturation.least_time_constant`.
-        """
+    def lasting(self, landings: SectionLandings) -> Lasting | None:
+        """Return what shows over the landings of kinks that saturate; None of steps."""
         if self.smooth is None:
             return None
-        instants = landings.expected[self.rows]
-        return least_time_constant(lasts(self.smooth, self.seen, instants), share)
+        return lasts(self.smooth, self.seen, landings.expected[self.rows])
 
 
 def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:

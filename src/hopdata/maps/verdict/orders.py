@@ -274,6 +274,14 @@ def pair_effects(
     return effects
 
 
+def largest_high(effects: Sequence[PairEffect], of: str) -> float | None:
+    """Return the bound that holds for each of the maps, or jumps; None of none.
+
+    Intervals of pairs hold together, so the largest of their high ends does.
+    """
+    return max((effect.high for effect in effects if effect.of == of), default=None)
+
+
 def pairs_of_maps(
     fit: KinkFit,
     errors: SignedErrors,

@@ -295,35 +295,40 @@ def share_shown(
     return float(np.linalg.norm(relative) / np.sqrt(len(relative)))
 
 
-def lasts(
-    smooth: Smooth, seen: FloatArray, instants: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return time constants, slow ones first, and the shares that show, decreasing."""
+@dataclass(frozen=True)
+class Lasting:
+    """What shows over the landings of kinks that saturate.
+
+    Attributes
+    ----------
+    time_constants
+        In contact spreads, slow ones first.
+    shares
+        Of the slope at the contact that shows, decreasing.
+    """
+
+    time_constants: FloatArray
+    shares: FloatArray
+
+    def least_time_constant(self, share: float) -> float | None:
+        """Return the least time constant of which at least this share shows.
+
+        No time constant has a share of 1 or more, so there may be none.
+        """
+        constants = self.time_constants
+        enough = self.shares >= share
+        if not enough[0]:
+            return None
+        last = int(np.argmin(enough)) - 1
+        if enough.all():
+            return float(constants[-1])
+        around = [last + 1, last]
+        between = np.interp(share, self.shares[around], np.log(constants[around]))
+        return float(np.exp(between))
+
+
+def lasts(smooth: Smooth, seen: FloatArray, instants: FloatArray) -> Lasting:
+    """Return which share of kinks shows over the landings, by their time constant."""
     constants = np.geomspace(SLOWEST, FASTEST, CONSIDERED)
     shares = [share_shown(smooth, seen, instants, tau) for tau in constants]
-    return constants, np.minimum.accumulate(shares)
-
-
-def least_time_constant(
-    shown: tuple[FloatArray, FloatArray], share: float
-) -> float | None:
-    """Return the least time constant of which at least this share shows.
-
-    Parameters
-    ----------
-    shown
-        From `lasts`.
-    share
-        Of the slope at the contact; no time constant has a share of 1 or more.
-    """
-    constants, shares = shown
-    enough = shares >= share
-    if not enough[0]:
-        return None
-    last = int(np.argmin(enough)) - 1
-    if enough.all():
-        return float(constants[-1])
-    between = np.interp(
-        share, shares[[last + 1, last]], np.log(constants[[last + 1, last]])
-    )
-    return float(np.exp(between))
+    return Lasting(constants, np.minimum.accumulate(shares))

@@ -79,7 +79,7 @@ def sentence(
         name = "cannot_tell_just"
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
-        values["spreads"] = f"{float(f'{spreads:.2g}'):g}"
+        values["spreads"] = in_spreads(spreads)
     if over_landings:
         values["where"] = Message("maps.over_landings")
     if subjects is not None:
@@ -106,9 +106,43 @@ def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
     return with_reservation(said, at_contact)
 
 
-def with_no_jump(said: Message, bound: float) -> Message:
-    """Return the sentence on no difference, with the jump that is not excluded."""
-    where = Message("maps.over_landings_no_jump", {"jump": percent(bound)})
+def may_be_larger(high: float, spreads: float) -> Message:
+    """Return what an interval over the landings leaves open at the contact.
+
+    Parameters
+    ----------
+    high
+        High end of the size over the landings.
+    spreads
+        `Verdict.twice_high_from` in contact spreads.
+    """
+    values = {"twice": percent(2.0 * high), "spreads": in_spreads(spreads)}
+    return Message("maps.may_be_larger", values)
+
+
+def with_no_more(said: Message, jump: float | None, pair: float | None) -> Message:
+    """Return the sentence on no difference, with what its bound is of.
+
+    Parameters
+    ----------
+    said
+        The sentence on its size over the landings.
+    jump
+        Bound that holds for the jump at each exchange; None if it is not known.
+    pair
+        Bound that holds for each pair of maps; None if there is one pair only.
+    """
+    values = {}
+    code = "maps.over_landings"
+    if jump is not None:
+        values["jump"] = percent(jump)
+        code = "maps.over_landings_no_jump"
+    if pair is not None:
+        values["pair"] = percent(pair)
+        code = "maps.over_landings_pairs"
+        if jump is not None:
+            code = "maps.over_landings_no_jump_pairs"
+    where = Message(code, values)
     return Message(said.code, {**said.values, "where": where})
 
 
@@ -176,6 +210,11 @@ def percent(share: float) -> str:
     """Return a share in per cent, to two digits."""
     two_digits = float(f"{100 * share:.2g}")
     return f"{two_digits:g} %"
+
+
+def in_spreads(time_constant: float) -> str:
+    """Return a time constant in contact spreads, to two digits."""
+    return f"{float(f'{time_constant:.2g}'):g}"
 
 
 def as_given(share: float) -> str:

@@ -72,7 +72,7 @@ def _alike(
     of_foot = [name for name in group if names.role(numbers[name]) in ("foot", "ankle")]
 
     def place(name: str) -> tuple[int, str]:
-        return names.place(numbers[name])
+        return names.place_on_limb(numbers[name])
 
     def place_but_for_number(name: str) -> tuple[int, str]:
         rank, stem = place(name)

@@ -25,7 +25,7 @@ from hopdata.recordings.quality.part_names import (
 from hopdata.recordings.quality.rests import lowest, scale_of_all
 from hopdata.recordings.quality.shared_names import corrected_sides
 from hopdata.recordings.quality.stretches import runs
-from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
+from hopdata.recordings.quality.vocabulary import LIMBS, NamedParts, named_parts
 from hopdata.recordings.wording import chained, listed
 
 #: Markers of feet in a study, at most.
@@ -167,7 +167,7 @@ def _most_telling(groups: list[list[int]], inspection: Inspection) -> list[int]:
     group = _likeliest_by_name(largest, markers)
     low_m = lowest(inspection.positions[:, :, 2])
     names = named_parts(tuple(markers))
-    place = {m: names.place(m) for m in group}
+    place = {m: names.place_on_limb(m) for m in group}
 
     def rank(m: int) -> tuple[bool, int, float]:
         is_stranger = names.role(m) != "foot"
@@ -201,7 +201,7 @@ def _heel_again(m: int, chosen: list[int], inspection: Inspection) -> bool:
     if names.place(m)[0] != HEEL:
         return False
     for k in chosen:
-        if names.place(k)[0] != HEEL:
+        if names.place(k)[0] != HEEL or names.limb(k) != names.limb(m):
             continue
         if any({m, k} <= set(part.markers) for part in inspection.clusters):
             return True
@@ -380,14 +380,21 @@ def joined_feet(
     of_foot = {}
     for foot in feet:
         first = foot[0]
-        is_named = sides_differ and sides[first] in SIDE_NAMES
+        is_named = sides_differ and sides[first] in (*SIDE_NAMES, *LIMBS)
         label = sides[first] if is_named else f"of {names[first]}"
         of_foot[label] = [names[i] for i in foot]
     joined = {}
     for label, markers in sorted(of_foot.items()):
         if len(markers) > 1:
-            joined[SIDE_NAMES.get(label, f"foot {label}")] = markers
+            joined[_name_of_foot(label)] = markers
     return joined
+
+
+def _name_of_foot(label: str) -> str:
+    """Return ``left``, ``right``, a limb's letters, or ``foot of`` a marker."""
+    if label in LIMBS:
+        return label.upper()
+    return SIDE_NAMES.get(label, f"foot {label}")
 
 
 def of_one_side(feet: Sequence[str], markers: Sequence[str]) -> dict[str, list[str]]:
@@ -416,7 +423,8 @@ def of_one_side(feet: Sequence[str], markers: Sequence[str]) -> dict[str, list[s
 def _sides(group: Sequence[int], inspection: Inspection) -> list[str]:
     """Return the side of each marker; empty if it is not known, nor that all are one.
 
-    A heel and other places of a foot, each of them once and on no side, are one foot.
+    On an animal, names of limbs are sides that say more. A heel and other places of a
+    foot, each of them once and on no side, are one foot.
     """
     markers = inspection.markers
     parts = named_parts(tuple(markers))
@@ -424,7 +432,8 @@ def _sides(group: Sequence[int], inspection: Inspection) -> list[str]:
     sides = []
     for m in group:
         if parts.role(m) in ("foot", "ankle"):
-            sides.append(of_all[m] or side_of_foot(markers[m]))
+            side = parts.limb(m) or of_all[m] or side_of_foot(markers[m])
+            sides.append(side)
         else:
             sides.append("")
     places = [parts.place(m) for m in group]

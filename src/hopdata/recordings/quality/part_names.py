@@ -1,6 +1,7 @@
 """What a marker's name reveals: its subject, its body part, and its place on a foot."""
 
 import re
+from collections.abc import Sequence
 
 _WORDS = {
     "foot": (
@@ -22,6 +23,14 @@ SIDE_NAMES = {"l": "left", "r": "right"}
 SIDES = (*SIDE_NAMES.values(), *SIDE_NAMES)
 PARTS = {part: frozenset(words.split()) for part, words in _WORDS.items()}
 OF_FEET = PARTS["foot"] | PARTS["ankle"]
+
+# The four limbs of an animal, with the side first or last: fore or front, and hind,
+# rear or back. A word for the foot may follow without a space, as a paw's P does.
+_LIMBS = (
+    re.compile("(?P<side>[lr])(?P<end>[fh])(?P<foot>.*)"),
+    re.compile("(?P<end>[fhrb])(?P<side>[lr])(?P<foot>.*)"),
+)
+_AFTER_LIMB = OF_FEET | {"", "p"}
 
 # Ranks of places on a foot: heels come first.
 HEEL = 0
@@ -83,6 +92,28 @@ def side_of_foot(name: str) -> str:
         if word in SIDES or without_side(word) in OF_FEET:
             return word[0]
     return ""
+
+
+def sides_of_feet(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the side of each foot, ``"l"`` or ``"r"`` or empty, by all of their names.
+
+    LF, RF, LH and RH, or FL, FR, HL and HR, are sides only if the names of all feet
+    begin so, on both sides, and no name has a side by itself: ``LHEE`` is a left heel.
+    """
+    alone = tuple(side_of_foot(name) for name in names)
+    if any(alone):
+        return alone
+    first_words = [words_of(name, "[a-z]+")[:1] for name in names]
+    for limb in _LIMBS:
+        found = [limb.fullmatch(word) for words in first_words for word in words]
+        sides = tuple(
+            one["side"]
+            for one in found
+            if one is not None and one["foot"] in _AFTER_LIMB
+        )
+        if len(sides) == len(names) and set(sides) == set(SIDE_NAMES):
+            return sides
+    return alone
 
 
 def words_of(name: str, pattern: str) -> list[str]:

@@ -92,7 +92,7 @@ _VERTEBRAE = {
 }
 
 # How the four limbs of an animal are called.
-_LIMBS = frozenset({"lf", "rf", "lh", "rh", "fl", "fr", "hl", "hr"})
+LIMBS = frozenset({"lf", "rf", "lh", "rh", "fl", "fr", "hl", "hr"})
 
 # Ends of an animal, before which `L` and `R` are sides.
 _ENDS = frozenset({"front", "fore", "hind", "back"})
@@ -165,6 +165,18 @@ class NamedParts:
         ranks = {"heel": HEEL, "toe": TOE}
         return ranks.get(self.parts[m], ELSEWHERE), self.stems[m]
 
+    def limb(self, m: int) -> str:
+        """Return what the name of a marker calls an animal's limb, such as ``lf``."""
+        if not self.is_animal:
+            return ""
+        of_limb = [word for word in self.stems[m].split() if word in LIMBS]
+        return of_limb[0] if of_limb else ""
+
+    def place_on_limb(self, m: int) -> tuple[int, str]:
+        """Return the place of a marker on a foot, whichever limb the foot is of."""
+        rank, stem = self.place(m)
+        return rank, " ".join(word for word in stem.split() if word not in LIMBS)
+
     @property
     def settles_feet(self) -> bool:
         """Whether the names leave no doubt about which markers are on feet."""
@@ -219,7 +231,7 @@ def named_parts(markers: tuple[str, ...]) -> NamedParts:
     words = {word for name in own for word in _words(name)}
     # Joints are called alike in people and animals.
     of_joints = all(vocabulary == "keypoints" for vocabulary, _ in known_by)
-    is_animal = bool(words & (animal_words | _LIMBS)) and of_joints
+    is_animal = bool(words & (animal_words | LIMBS)) and of_joints
     of_people = {part for part in parts if part in _OF_PEOPLE}
     has_legs = bool({"knee", "shank"} & {*parts})
     of_bones = bool(words & _BONES_OF_PEOPLE) and has_legs

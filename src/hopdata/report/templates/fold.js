@@ -62,6 +62,26 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
         join(found, sides(drawn.querySelector(`${clip.slice(4, -1)} rect`)));
       return found;
     };
+    // The columns of a legend for which the window is too narrow, as many beside each other as fit. Its letters
+    // are small, so it is to be enlarged as panels are (.part in report.css).
+    const enlarged = 0.8 * room / 1.2;
+    const columnsOf = (legend) => {
+      const columns = [], entry = []; // a handle, then its text
+      for (const part of legend.children) {
+        entry.push(boxed(part));
+        if (!/^text/.test(part.id)) continue;
+        const one = entry.splice(0).reduce((whole, more) => (join(whole, more), whole));
+        const beside = columns.find((other) => one.left < other.right && other.left < one.right);
+        if (beside) join(beside, one);
+        else columns.push(one);
+      }
+      columns.sort((one, other) => one.left - other.left);
+      return columns.reduce((rows, one) => {
+        if (rows.length && one.right - rows.at(-1).left <= enlarged) join(rows.at(-1), one);
+        else rows.push(one);
+        return rows;
+      }, []);
+    };
     for (const one of inside(group, ["axes"]).map(boxed)) {
       const beside = found.filter((other) => one.left < other.right && other.left < one.right);
       for (const other of beside) join(one, found.splice(found.indexOf(other), 1)[0]);
@@ -73,6 +93,7 @@ if (matchMedia("(max-width: 45rem)").matches) document.querySelectorAll(".pictur
       const beside = found.filter((other) => other.left >= one.right - 2).sort((a, b) => a.left - b.left)[0];
       const column = upright ? beside : found.find((other) => within(one, other));
       if (column) join(column, one);
+      else if (one.right - one.left > enlarged) found.push(...columnsOf(one.of[0]));
       else found.push(one);
     }
     for (const half of inside(group, ["subfigure"])) {

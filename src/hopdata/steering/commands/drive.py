@@ -76,15 +76,19 @@ def drive(options: argparse.Namespace) -> int:
         files = excite.geometry_files(options.geometry, robot)
         geometry, controller = parts_of(setup, files, robot)
     decisions: list[Decision] = []
+    has_ended = False
     try:
         _drive(options, path, setup, files, (geometry, controller), decisions)
+        has_ended = True
     finally:
-        made = excite.write_strides(
-            folder, decisions, axes, options.excite, limits, files[GEOMETRY]
-        )
-        seed = excite.seed_of(options)
-        for line in excite.what_next(folder, made, options.excite, seed):
-            print(line)
+        # A drive that could not begin leaves no folder, so that it can be repeated.
+        if has_ended or decisions:
+            made = excite.write_strides(
+                folder, decisions, axes, options.excite, limits, files[GEOMETRY]
+            )
+            seed = excite.seed_of(options)
+            for line in excite.what_next(folder, made, options.excite, seed):
+                print(line)
     return terminal.OK
 
 

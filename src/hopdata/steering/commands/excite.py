@@ -156,6 +156,8 @@ def what_next(folder: Path, made: Strides, n_strides: int, seed: int) -> list[st
         again = f"hopdata drive --excite {max(missing, fewest_strides())}"
         again = f"{again} --excite-seed {seed + 1}"
         lines.append(f"missing: {counted(missing, 'stride')}{reasons}")
+        if made.fall():
+            lines.append(made.fall())
         lines.append(f"more of them: {again} ...; hopdata learn takes both folders")
     if n_used < fewest_strides():
         lines.append(f"too few to learn from: {fewest_strides()} are needed")

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError
 from hopdata.steering.robots.interface import PathRobot, SimulatedRobot, Stance
 from hopdata.steering.strides import at_rest
 from hopdata.synthesis.camera import in_world
@@ -167,7 +168,8 @@ class SeenRobot:
         own = copy.deepcopy(kicks)
         axes = self._robot.axes
         within = np.clip(inputs, axes.lower, axes.upper)
-        end, states = self._robot.path(stance, within, own, times_s - stance.time_s)
+        found = self._robot.path(stance, within, own, times_s - stance.time_s)
+        end, states = _checked_path(found, times_s)
         n_frames = min(len(states), int(np.sum(times_s < end.time_s)))
         return _Flight(times_s[:n_frames], states[:n_frames], end, kicks, own)
 
@@ -184,6 +186,30 @@ class SeenRobot:
         markers = in_world(states, (BODY_M - BODY_M.mean(axis=0))[None])
         noise = self.noise_m * self._noise.standard_normal(markers.shape)
         return list(zip(flown.times_s[which].tolist(), markers + noise, strict=True))
+
+
+def _checked_path(found: Any, times_s: FloatArray) -> tuple[Stance, FloatArray]:
+    """Return what a robot's `path` gave, if cameras can see it.
+
+    A fall may end it early.
+    """
+    is_pair = isinstance(found, tuple) and len(found) == 2
+    if not is_pair or not isinstance(found[0], Stance):
+        kind = type(found).__name__
+        raise AnalysisError.at(
+            "path", "the next Stance and the states on the way", kind
+        )
+    end, states = found
+    n_frames = int(np.sum(times_s < end.time_s))
+    shape = np.shape(states)
+    has_rows = len(shape) == 2 and (end.fell or shape[0] >= n_frames)
+    if not has_rows or shape[1] < 2:
+        wanted = (
+            f"states (K, N), with a row for each of the {n_frames} times before the "
+            "next stance, and two columns or more"
+        )
+        raise AnalysisError.at("path", wanted, f"the shape {shape}")
+    return end, np.asarray(states, dtype=float)
 
 
 @dataclass(frozen=True)

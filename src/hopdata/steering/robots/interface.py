@@ -269,10 +269,14 @@ class Log:
         return np.array([stance.pose for stance in self.stances])
 
     def strides(self) -> Strides:
-        """Return the strides from stance to stance; a fall is none."""
+        """Return the strides from stance to stance; a fall is none.
+
+        Those after a fall of which the robot does not tell are not used. A line on the
+        screen says how many they are (see `strides.is_still`).
+        """
         follows = [one.follows and not one.fell for one in self.stances]
         second = np.flatnonzero(follows)
-        return recorded_strides(
+        made = recorded_strides(
             self.axes,
             time_s=np.array([one.time_s for one in self.stances]),
             pose=self.poses,
@@ -280,6 +284,9 @@ class Log:
             inputs=self.inputs,
             pairs=np.column_stack([second - 1, second]),
         )
+        if made.fall():
+            logger.warning("%s", made.fall())
+        return made
 
 
 logger = logging.getLogger(__name__)
