@@ -177,11 +177,17 @@ def test_a_wider_margin_covers_faster_kinks():
     assert found[1] < found[0]
 
 
-@pytest.mark.parametrize(("at_contact", "saturates"), [(0.9, True), (0.3, False)])
+@pytest.mark.parametrize(
+    ("feet", "at_contact", "saturates"),
+    [(3, 0.9, True), (3, 0.3, False), (4, 0.55, False), (4, 1.5, True)],
+)
 def test_only_kinks_that_are_larger_at_the_contact_saturate(
-    monkeypatch, brief, at_contact, saturates
+    monkeypatch, brief, feet, at_contact, saturates
 ):
-    """Smaller ones grow with the delay; `low` would lie above their estimate."""
+    """Smaller ones grow with the delay; `low` would lie above their estimate.
+
+    Of four feet, they are larger than the interval over the landings.
+    """
     over = brief.effect_over_landings
     slow = replace(over, estimate=at_contact * over.estimate / 0.5)
     fit = SimpleNamespace(
@@ -191,9 +197,10 @@ def test_only_kinks_that_are_larger_at_the_contact_saturate(
         with_slopes=lambda slopes: slopes,
     )
     monkeypatch.setattr(effect, "saturation", lambda *_, **__: (0.001, slow))
+    feet_of = SimpleNamespace(expected=np.zeros((50, feet)))
     rng = np.random.default_rng(1)
     found = effect.at_the_contact(
-        fit, None, over, lambda size: size, generator=rng, flips=99
+        fit, feet_of, over, lambda size: size, generator=rng, flips=99
     )
     assert found.saturates == saturates
     assert (found.size == over) == (not saturates)
