@@ -17,7 +17,8 @@ from checkouts import part_of_sample
 from hopdata import __version__
 from hopdata.__main__ import main
 from hopdata.bundled import SNAKEFILE
-from hopdata.commands.run import _Run, _tell_early, bring_recording, read_inputs
+from hopdata.commands.bringing import bring_recording
+from hopdata.commands.run import _Run, _tell_early, read_inputs
 from hopdata.commands.workflow import run_workflow
 
 ROOT = Path(__file__).parents[2]

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
+from hopdata.commands.bringing import bring_recording
 from hopdata.inspecting.guesses import inspected_file
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ def inspected(options: argparse.Namespace) -> Inspection:
     options : Namespace
         With ``file``, ``unit``, ``vertical_axis`` and ``rate``.
     """
-    from hopdata.commands.run import bring_recording
-
     bring_recording(Path(options.file))
     with terminal.progress_line(f"reading {options.file}") as progress:
         return inspected_file(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import filecmp
 import re
-import shutil
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from typing import Any
 from hopdata import products
 from hopdata.bundled import SNAKEFILE
 from hopdata.commands import answers
+from hopdata.commands.bringing import bring
 from hopdata.commands.terminal import OK, PROBLEM, write_text
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
@@ -125,10 +125,10 @@ def _asked(config: Path | None) -> _Run:
 
     bundled = SNAKEFILE.parent / SAMPLE_CONFIG
     if config is not None and not config.is_file() and str(config) in _targets():
-        _bring(SAMPLE)
+        bring(SAMPLE)
         return _Run(bundled, str(config), SNAKEFILE, target=str(config))
     if config is None:
-        _bring(SAMPLE)
+        bring(SAMPLE)
         config = bundled
     else:
         bring_bundled(config)
@@ -314,24 +314,4 @@ def bring_bundled(config: Path) -> None:
     text = bundled.read_text(encoding="utf-8")
     named = re.findall(r"(?:config|data/sample)/\w+\.\w+", text)
     for file in dict.fromkeys([config, *map(Path, named)]):
-        _bring(file)
-
-
-def bring_recording(file: Path) -> None:
-    """Copy a recording of the sample to the place by which pages name it."""
-    is_of_sample = file.parent == Path("data/sample") and not file.is_absolute()
-    if is_of_sample and not file.exists() and (SNAKEFILE.parent / file).is_file():
-        _bring(file)
-
-
-def _bring(file: Path) -> None:
-    """Copy a bundled file to the place named by its configuration."""
-    source = SNAKEFILE.parent / file
-    if not file.exists():
-        print(f"{file}: copied from the installation", flush=True)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, file)
-    elif not filecmp.cmp(source, file, shallow=False):
-        raise ConfigError.at(
-            file, "the bundled one", "another file; go to another folder"
-        )
+        bring(file)

@@ -31,7 +31,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -328,7 +328,8 @@ def conditions_said(conditions: pd.DataFrame, *, confidence: float = 0.95) -> st
         "maps.conditions_differ": [],
         "maps.conditions_alike": [],
     }
-    for row in cast("list[dict[str, Any]]", conditions.to_dict("records")):
+    for one in conditions.to_dict("records"):
+        row = {str(name): value for name, value in one.items()}
         values = {
             "a": row["condition_a"],
             "b": row["condition_b"],
