@@ -23,6 +23,7 @@ from hopdata.landings.contacts.remarks import contact_remarks, one_for_all_feet
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
+from hopdata.maps.verdict.inputs import LEAST_CLASS
 from hopdata.maps.verdict.limits import TWO_KINDS, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
 from hopdata.messages import Message
