@@ -23,6 +23,8 @@ def foot_names(columns: Iterable[str]) -> tuple[str, ...]:
 SIDES = ("left", "right")
 # Between two feet of an order, wherever a person reads it.
 ARROW = " → "
+# Between orders of feet that belong together, ``1>2, 4>3``.
+AND = ", "
 
 
 def with_foot_names(order: str, names: Sequence[str] = ()) -> str:
@@ -31,6 +33,11 @@ def with_foot_names(order: str, names: Sequence[str] = ()) -> str:
     Unless each of its feet has a name, the numbers stay. Every page, figure and
     sentence spells orders by this function.
     """
+    return AND.join(_with_names(one, names) for one in order.split(AND))
+
+
+def _with_names(order: str, names: Sequence[str]) -> str:
+    """Return one order with the names of its feet."""
     feet = order.split(">")
     known = [foot for foot in feet if foot.isdigit() and int(foot) <= len(names)]
     if len(known) == len(feet):

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hopdata.feet import foot_names, with_foot_names
+from hopdata.feet import AND, foot_names, with_foot_names
 from hopdata.figures import style
 
 NO_SIZES = "This study has no size of a difference for each two contact orders."
@@ -143,6 +143,6 @@ def label_of(effect: Mapping[str, Any], names: Sequence[str]) -> str:
     first = with_foot_names(effect["first"], short)
     if effect["of"] == "order":
         return first
-    if len(effect["first"].split(">")) == 2:  # either order of two feet
+    if len(effect["first"].split(AND)[0].split(">")) == 2:  # either order of two feet
         return first.replace(" → ", " and ")
     return f"{first}  |  {with_foot_names(effect['second'], short)}"

@@ -49,6 +49,7 @@ def landings(
     of_these=0.5,
     jump=0.0,
     spent_within=np.inf,
+    parallel=False,
 ):
     """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
 
@@ -56,7 +57,8 @@ def landings(
     with the slopes of a kink. Input number `constant` does not vary. The outcome jumps
     by twice `jump` times the slopes of a kink where two feet exchange their order. A
     The kinks of three feet saturate if they are `spent_within` some contact spreads. A
-    fraction `of_these` of the landings is faster by `faster` standard deviations.
+    fraction `of_these` of the landings is faster by `faster` standard deviations. Feet 4
+    and 3 are apart as feet 1 and 2 if they are `parallel`, but for little.
     """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # the same map for all seeds
@@ -64,6 +66,8 @@ def landings(
     bends = fixed.standard_normal((kinks(np.zeros((1, feet))).shape[1], 11))
     square = fixed.standard_normal((8, 8, 11)) * curvature / 8
     onto = fixed.standard_normal((8, feet))
+    if parallel:
+        onto[:, 3] = onto[:, 2] + onto[:, 0] - onto[:, 1] + 0.02 * onto[:, 3]
     onto = SPREAD_S * (onto - onto.mean(axis=1, keepdims=True)) / np.sqrt(8)
     x = rng.standard_normal((n, 8))
     if constant is not None:

@@ -185,15 +185,20 @@ def test_feet_that_exchange_their_order_together_are_named_together():
     rng = np.random.default_rng(3)
     one, other = rng.standard_normal((2, 300))
     instants = np.column_stack([one, -one, 1.0 + other, 1.0 + other + 0.8 * one])
-    pairs = [effect("1>2", 0.3, of="jump"), effect("1>3", 0.0, of="jump")]
-    assert str(mainly(pairs, instants)) == (
-        "the outcome jumps most where foot 1 and foot 2 or foot 3 and foot 4 (these "
-        "exchange their order together, so that no landing tells them apart) exchange "
-        "their order"
+    together = (
+        "foot 1 and foot 2 or foot 3 and foot 4 (these exchange their order together, "
+        "so that few landings or none tell them apart)"
     )
+    jumps = [effect("1>2, 4>3", 0.3, of="jump"), effect("1>3", 0.0, of="jump")]
+    said = str(mainly(jumps, instants))
+    assert said == f"the outcome jumps most where {together} exchange their order"
+    maps = [effect("1>2", 0.3), effect("1>3", 0.0)]
+    said = str(mainly(maps, instants))
+    assert said == f"most of all: which comes first of {together}"
     alone = instants[:, [0, 1, 2]]
-    assert "where foot 1 and foot 2 exchange" in str(mainly(pairs, alone))
-    named = str(mainly(pairs, alone, names=("toe", "heel", "thumb")))
+    jumps[0] = effect("1>2", 0.3, of="jump")
+    assert "where foot 1 and foot 2 exchange" in str(mainly(jumps, alone))
+    named = str(mainly(jumps, alone, names=("toe", "heel", "thumb")))
     assert "where toe and heel exchange" in named
 
 

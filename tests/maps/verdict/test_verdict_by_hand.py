@@ -50,6 +50,7 @@ STUDIES = {
     "jumps": lambda: _study(landings(n=N, strength=0.3, jump=0.4)),
     "two feet": lambda: _study(landings(n=N, strength=0.3, feet=2)),
     "four feet": lambda: _study(landings(n=N, strength=0.3, feet=4)),
+    "feet together": lambda: _study(landings(n=N, jump=0.4, feet=4, parallel=True)),
     "saturation": lambda: _study(landings(n=900, strength=1.0, spent_within=0.2)),
     "legs and feet": _of_legs,
     "session": _of_a_session,
@@ -62,6 +63,7 @@ STUDIES = {
 # What makes a study a test of a step of the page.
 SHOWS = {
     "jumps": lambda answer: answer.jump.low > 0,
+    "feet together": lambda answer: any("," in row["first"] for row in answer.orders),
     "saturation": lambda answer: answer.saturates,
     "legs and feet": lambda answer: (
         answer.posture == "inputs of the map"

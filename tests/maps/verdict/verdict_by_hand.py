@@ -750,6 +750,48 @@ def step_columns(t, unforetold, pairs):
     return found
 
 
+def agreement(t, one, other):
+    """8f: of two exchanges, that of the two pairs that agree least."""
+    products = [
+        np.mean(np.sign((t[:, i] - t[:, j]) * (t[:, k] - t[:, m])))
+        for i, j in one
+        for k, m in other
+    ]
+    return min(products, key=abs)
+
+
+def merged_once(t, exchanges):
+    """8f: the exchanges after the two that agree best became one, or None."""
+    alike = {
+        (a, b): agreement(t, exchanges[a], exchanges[b])
+        for a, b in combinations(range(len(exchanges)), 2)
+    }
+    a, b = max(alike, key=lambda two: abs(alike[two]), default=(0, 0))
+    if abs(alike.get((a, b), 0.0)) <= 0.8:
+        return None
+    turned = exchanges[b] if alike[a, b] > 0 else [(j, i) for i, j in exchanges[b]]
+    kept = [exchange for c, exchange in enumerate(exchanges) if c != b]
+    kept[a] = exchanges[a] + turned
+    return kept
+
+
+def visible_exchanges(t, unforetold, mixing, with_h, pairs):
+    """8f: steps of the exchanges, the sharp ones, and what is visible of them."""
+    exchanges = [[pair] for pair in pairs]
+    while True:
+        steps, sharp = (
+            np.column_stack([step_columns(t, u, own).mean(axis=1) for own in exchanges])
+            for u in (unforetold, 0 * unforetold)
+        )
+        v = visible(beside(mixing(steps), with_h), steps, 0.25)
+        merged = None
+        if v.shape[1] < len(exchanges):
+            merged = merged_once(t, exchanges)
+        if merged is None:
+            return steps, sharp, v
+        exchanges = merged
+
+
 # 7. Smooth terms
 
 
@@ -993,6 +1035,7 @@ class Fit:
     v_steps: np.ndarray
     steps: Scores | None
     allowed_steps: float
+    free: np.ndarray
     mixing: Mixing
     q: np.ndarray
     shown: np.ndarray
@@ -1085,13 +1128,17 @@ def fit_in_window(section, share):
     v_steps = np.zeros((0, 0))
     of_steps = None
     allowed_steps = 0.0
+    every = visible(beside(mixing(kinks), q), kinks, 0.0)
+    free = kinks @ every[:, v.shape[1] :]
     if pairs:
-        v_steps = visible(beside(mixing(steps), with_h), steps, 0.25)
-        shown = steps @ v_steps
+        of_exchanges, sharp, v_steps = visible_exchanges(
+            t, section.unforetold, mixing, with_h, pairs
+        )
+        shown = of_exchanges @ v_steps
         of_steps = fitted_scores(mixing(shown), mixing(outcomes), with_h)
         beside_smooth = beside_smooth + shown @ of_steps.b
-        sharp = step_columns(t, 0 * section.unforetold, pairs) @ v_steps
-        faded = fading(sharp, shown, mixing, with_h)
+        free = np.hstack([free, shown])
+        faded = fading(sharp @ v_steps, shown, mixing, with_h)
         allowed_steps = faded * max(0.05 * g, 0.1 * (least + section.bent))
     mixed_left = mixing(outcomes - beside_smooth)
     of_z = np.linalg.lstsq(mixed_a, mixed_left, rcond=None)[0][1 : 1 + n_linear]
@@ -1106,6 +1153,7 @@ def fit_in_window(section, share):
         v_steps=v_steps,
         steps=of_steps,
         allowed_steps=allowed_steps,
+        free=free,
         mixing=mixing,
         q=q,
         shown=h,
@@ -1201,10 +1249,10 @@ def changes(section, fit):
 
 
 def size_of_steps(section, fit):
-    """9: the size of steps."""
-    pairs, n_visible = fit.v_steps.shape
+    """9: the size of the jumps at the exchanges."""
+    exchanges, n_visible = fit.v_steps.shape
     w = halves(power_of_map(section, fit, compared(section.t)[1]))
-    return Size(2 / np.sqrt(pairs) * np.eye(n_visible), w)
+    return Size(2 / np.sqrt(exchanges) * np.eye(n_visible), w)
 
 
 def best_window(section):
@@ -1585,8 +1633,8 @@ def saturating_fit(section, fit, q, tau, signs, by_forty):
 
 def saturation(section, fit, size, over_landings, study):
     """13: p-value of saturation, and the effect at the contact."""
-    w3 = beside(fit.mixing(fit.w3), fit.q)
-    q = np.hstack([fit.q, basis(w3)])
+    free = beside(fit.mixing(np.hstack([fit.free, fit.w3])), fit.q)
+    q = np.hstack([fit.q, basis(free)])
     by_forty = alike(over_rows(fit.kinks, fit.rows, section.n).full)
     n = len(fit.rows)
     n_signs = ceil(n / 40) if by_forty else n
@@ -1600,7 +1648,8 @@ def saturation(section, fit, size, over_landings, study):
     least = min(f.misfit for f in fits)
     slowest = next(f for f in fits if f.misfit <= least + 3.84)
     estimate = at_contact(section, fit, slowest.contact, size, study)["estimate"]
-    if estimate <= max(fit.allowed, over_landings["estimate"]):
+    end = "estimate" if section.t.shape[1] <= 3 else "high"
+    if estimate <= max(fit.allowed, over_landings[end]):
         return p_value, over_landings
     unbounded = {"estimate": estimate, "high": None, "upper_bound": None}
     return p_value, over_landings | unbounded

@@ -20,9 +20,10 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
-from hopdata.feet import with_foot_names
+from hopdata.feet import AND, with_foot_names
 from hopdata.landings.schedules import order_names
 from hopdata.maps import coordinates
+from hopdata.maps.verdict.exchanges import Exchange
 from hopdata.maps.verdict.inputs import (
     LEAST_CLASS,
     SectionLandings,
@@ -183,6 +184,12 @@ def names_of_feet(i: int, j: int) -> tuple[str, str]:
     return f"{i + 1}>{j + 1}", f"{j + 1}>{i + 1}"
 
 
+def names_of_exchange(exchange: Exchange) -> tuple[str, str]:
+    """Return the names of either order of the pairs that exchange it together."""
+    first, second = zip(*[names_of_feet(i, j) for i, j in exchange], strict=True)
+    return AND.join(first), AND.join(second)
+
+
 def squared_size(
     fit: KinkFit, landings: SectionLandings, comparison: Comparison
 ) -> FloatArray:
@@ -240,8 +247,8 @@ def squared_jump(
 ) -> FloatArray:
     """Return a root of the squared size of the steps, as `squared_size` does for kinks.
 
-    The squared size is the mean over the pairs of feet of the squared jump from one
-    order to the other, relative to what the mean map makes of the inputs. What is seen
+    The squared size is the mean over the exchanges of the squared jump from one order
+    to the other, relative to what the mean map makes of the inputs. What is seen
     of the outcome would not do: the noise of cameras is no variation of it. `fit` is
     that of the kinks, whose `jumps` the steps are.
 
@@ -252,11 +259,11 @@ def squared_jump(
     """
     if fit.jumps is None:
         raise AnalysisError.at("jumps", "steps beside the kinks", "none")
-    n_pairs, n_seen = fit.jumps.seen.shape
+    n_exchanges, n_seen = fit.jumps.seen.shape
     # A step from -1 to 1 changes the outcome by twice its coefficient.
-    mean_of_pairs = 2.0 / np.sqrt(n_pairs) * np.eye(n_seen)
+    mean_of_all = 2.0 / np.sqrt(n_exchanges) * np.eye(n_seen)
     weights = weights_of_map(fit, landings, comparison)
-    return np.asarray(np.kron(mean_of_pairs, weights), float)
+    return np.asarray(np.kron(mean_of_all, weights), float)
 
 
 def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, Shown
 from hopdata.errors import AnalysisError
+from hopdata.maps.coordinates import ALL_SETS_UP_TO
 from hopdata.maps.verdict import inputs, model
 from hopdata.maps.verdict.comparison import contrasts, relative_size
 from hopdata.maps.verdict.inputs import SectionLandings
@@ -387,7 +388,9 @@ def at_the_contact(
 ) -> AtContact:
     """Return the size at the simultaneous contact.
 
-    It is that over the landings unless the kinks are found to saturate. Then the
+    It is that over the landings unless the kinks are found to saturate: the random
+    signs show it, and the estimate at the contact exceeds that over the landings or,
+    of more than three feet, the high end of its interval. Then the
     estimate is that for the slowest time constant in doubt, extrapolated from landings
     in which part of the difference is spent. How much more there is at the contact
     depends on the shape in which it is spent, which landings away from the contact do
@@ -413,7 +416,11 @@ def at_the_contact(
     if not p_value < LEVEL:
         return AtContact(over_landings, saturates=False, p_value=p_value)
     estimate = size(fit.with_slopes(likely)).estimate
-    if estimate <= max(fit.allowed, over_landings.estimate):
+    least = over_landings.estimate
+    if landings.expected.shape[1] > ALL_SETS_UP_TO:
+        # Kinks that three feet make together are not fitted, and look like saturation.
+        least = over_landings.high
+    if estimate <= max(fit.allowed, least):
         # Smooth terms may leave as much, or the kinks grow with the delay instead.
         return AtContact(over_landings, saturates=False, p_value=p_value)
     found = replace(

@@ -16,6 +16,7 @@ Steps, sign(t_i - t_j), are then fitted like the kinks, and the kinks count as s
 terms.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ from hopdata.errors import AnalysisError
 from hopdata.maps import coordinates
 from hopdata.maps.coordinates import ALL_SETS_UP_TO
 from hopdata.maps.verdict import averaged
+from hopdata.maps.verdict.exchanges import Exchange, exchanges_of, steps_of
 from hopdata.maps.verdict.growth import Growth, growth
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
 from hopdata.maps.verdict.saturation import AtContact, Lasting, at_contact, lasts
@@ -146,6 +148,10 @@ class KinkFit:
     smooth, shown
         Smooth terms of the landings in the window, None for steps; and the (n, K) kinks
         or steps that were fitted.
+    faint
+        (n, m) combinations of the kinks that are too faint to be fitted.
+    exchanges
+        Of which feet the steps are, if they are steps: see `exchanges`.
     nearest
         What the nearest landings alone would leave; None if the window is theirs.
     """
@@ -163,6 +169,8 @@ class KinkFit:
     jumps: "KinkFit | None" = None
     smooth: Smooth | None = None
     shown: FloatArray | None = None
+    faint: FloatArray | None = None
+    exchanges: tuple[Exchange, ...] = ()
     nearest: Nearest | None = None
 
     def with_slopes(self, at: AtContact) -> "KinkFit":
@@ -179,13 +187,17 @@ class KinkFit:
     def at_contact(self, landings: SectionLandings) -> tuple[AtContact, ...]:
         """Return the kinks at the simultaneous contact, if they saturate.
 
-        See `saturation.at_contact`; there are none of steps.
+        See `saturation.at_contact`; there are none of steps. Jumps and faint kinks are
+        free, since either looks like saturation of the kinks that are fitted.
         """
-        if self.smooth is None or self.shown is None:
+        if self.smooth is None or self.shown is None or self.faint is None:
             return ()
+        smooth = self.smooth.and_also(self.faint)
+        if self.jumps is not None and self.jumps.shown is not None:
+            smooth = smooth.and_also(self.jumps.shown)
         instants = landings.expected[self.rows]
         rest = landings.unforetold.total
-        return at_contact(self.smooth, self.shown, self.seen, instants, rest)
+        return at_contact(smooth, self.shown, self.seen, instants, rest)
 
     def growth(self, landings: SectionLandings) -> Growth | None:
         """Return how the difference grows with the time between contacts.
@@ -224,6 +236,8 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
         missing = Message("maps.feet_exchange")
         raise AnalysisError(Message("maps.no_two_feet", {"what_is_missing": missing}))
 
+    # Combinations in the order of how much is left of them: the faint ones come last.
+    faint = kinks.visible(smooth, 0.0)[:, seen.shape[1] :]
     shown = kinks.shown @ seen
     change = smooth.change_by_third(np.column_stack([shown, steps.shown]))
     of_window = left_by_window(landings.expected, share)
@@ -237,12 +251,19 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
         left = WITHOUT_THIRD * of_kinks
     found = _kink_fit(landings, fit, linear, seen, rows, of_kinks, left)
     found = replace(
-        found, session=smooth.session, faded=faded, smooth=smooth, shown=shown
+        found,
+        session=smooth.session,
+        faded=faded,
+        smooth=smooth,
+        shown=shown,
+        faint=kinks.shown @ faint,
     )
 
     if not steps.shown.size:
         return found
     beside_kinks = smooth.and_also(shown)
+    exchanges = _exchanges(landings, rows, steps, beside_kinks)
+    steps = _as_exchanges(steps, exchanges)
     seen = steps.visible(beside_kinks, LEAST_OF_PAIRS)
     if not seen.size:
         return found
@@ -253,7 +274,7 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
     of_jumps = max(LEFT_OF_JUMPS * of_window, OF_ALLOWED * allowed)
     of_jumps *= steps.faded(beside_kinks, seen)
     jumps = _kink_fit(landings, fit, linear, seen, rows, of_jumps, of_jumps)
-    jumps = replace(jumps, shown=steps.shown @ seen)
+    jumps = replace(jumps, shown=steps.shown @ seen, exchanges=tuple(exchanges))
     return replace(found, linear=linear, jumps=jumps)
 
 
@@ -274,6 +295,32 @@ def _steps(landings: SectionLandings, rows: IntArray) -> Shapes:
     return Shapes(
         shown=averaged.steps(instants, landings.unforetold.total, pairs),
         sharp=averaged.steps(instants, nothing, pairs),
+    )
+
+
+def _exchanges(
+    landings: SectionLandings, rows: IntArray, steps: Shapes, smooth: Smooth
+) -> list[Exchange]:
+    """Return the exchanges of order that these landings tell apart.
+
+    `steps` are those of pairs, and `smooth` has the kinks among its terms.
+    """
+
+    def are_distinct(exchanges: Sequence[Exchange]) -> bool:
+        of_exchanges = _as_exchanges(steps, exchanges)
+        seen = of_exchanges.visible(smooth, LEAST_OF_PAIRS)
+        return seen.shape[1] == len(exchanges)
+
+    instants = landings.expected[rows]
+    pairs = averaged.pairs_that_exchange(instants, LEAST_CLASS)
+    return exchanges_of(pairs, instants, are_distinct)
+
+
+def _as_exchanges(steps: Shapes, exchanges: Sequence[Exchange]) -> Shapes:
+    """Return the steps of exchanges from those of pairs."""
+    return Shapes(
+        shown=steps_of(exchanges, steps.shown),
+        sharp=steps_of(exchanges, steps.sharp),
     )
 
 

@@ -30,12 +30,12 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray, pd
-from hopdata.feet import foot_called, with_foot_names
+from hopdata.feet import AND, foot_called, with_foot_names
 from hopdata.maps.verdict import comparison as comparing
-from hopdata.maps.verdict.averaged import pairs_that_exchange
 from hopdata.maps.verdict.comparison import Comparison
 from hopdata.maps.verdict.effect import interval
-from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
+from hopdata.maps.verdict.exchanges import TOGETHER
+from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit
 from hopdata.maps.verdict.signs import Draws, SignedErrors, level_of
 from hopdata.messages import Message
@@ -52,11 +52,6 @@ OF_JUMPS = 0.2
 #: together.
 #: Unit: 1. Origin: chosen.
 LEAST_SEEN = 0.1
-
-#: Two pairs of feet exchange their order together if they agree, or disagree, in this
-#: share more of the landings than they do not.
-#: Unit: 1. Origin: chosen.
-TOGETHER = 0.8
 
 # What a pair differs in, and an order differs in from all others.
 OF_MAP = "map"
@@ -78,7 +73,8 @@ class PairEffect:
         as a share of what the mean map makes of the inputs; ``"order"``: what a map of
         its own changes of an order's outcomes, likewise (see `own_maps`).
     first, second
-        The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``; if an
+        The orders, as ``"1>2>3"``; for pairs of feet ``"1>2"`` and ``"2>1"``, or
+        ``"1>2, 4>3"`` and ``"2>1, 3>4"`` if they exchange their order together; if an
         order is compared with all others, the second is ``"others"``.
     estimate, low, high
         Size and interval as those of the study, `EffectSize`; all intervals hold
@@ -86,7 +82,8 @@ class PairEffect:
     p_value
         Adjusted for the number of pairs.
     n_first, n_second
-        Number of landings of either.
+        Number of landings of either; of pairs that exchange their order together, those
+        that agree.
     allowed
         Size that is no evidence, since smooth terms may leave it.
     """
@@ -314,13 +311,12 @@ def pairs_of_jumps(
         return []
     instants = landings.expected[steps.rows]
     weights = comparing.weights_of_map(fit, landings, comparison)
-    feet = pairs_that_exchange(instants, LEAST_CLASS)
     pairs = []
-    for (i, j), seen in zip(feet, steps.seen, strict=True):
+    for exchange, seen in zip(steps.exchanges, steps.seen, strict=True):
         if np.sum(seen**2) < LEAST_SEEN:
             continue
         root = np.kron(2.0 * seen[None, :], weights)
-        names = comparing.names_of_feet(i, j)
+        names = comparing.names_of_exchange(exchange)
         counts = _landings_of(names, instants)
         part = Part(OF_JUMP, names, steps, errors, root, steps.allowed, counts)
         pairs.append(part)
@@ -328,12 +324,15 @@ def pairs_of_jumps(
 
 
 def _landings_of(names: tuple[str, str], instants: FloatArray) -> tuple[int, int]:
-    """Return how many landings come in either order, of all feet or of two."""
+    """Return how many landings come in either order, of all feet or of some pairs."""
     counts = []
     for name in names:
-        feet = [int(foot) - 1 for foot in _feet(name)]
-        in_order = np.diff(instants[:, feet], axis=1) > 0.0
-        counts.append(int(in_order.all(axis=1).sum()))
+        is_all = np.full(len(instants), True)
+        for order in name.split(AND):
+            feet = [int(foot) - 1 for foot in _feet(order)]
+            in_order = np.diff(instants[:, feet], axis=1) > 0.0
+            is_all &= in_order.all(axis=1)
+        counts.append(int(is_all.sum()))
     return counts[0], counts[1]
 
 
@@ -358,7 +357,7 @@ def mainly(
     What a group of pairs has in common is said if all of the group were found and even
     the low ends of their intervals are above the estimates of all other pairs.
     Otherwise the pair with the largest low end is named. Of feet, pairs that exchange
-    their order together are named together, since no landing tells them apart.
+    their order together are named together, since few landings or none tell them apart.
 
     Parameters
     ----------
@@ -376,7 +375,7 @@ def mainly(
     of_maps = [effect for effect in effects if effect.of == OF_MAP]
     of_jumps = [effect for effect in effects if effect.of == OF_JUMP]
     maps = _mainly_maps(of_maps, instants, names)
-    jumps = _mainly_jump(of_jumps, instants, names)
+    jumps = _mainly_jump(of_jumps, names)
     if maps is not None and jumps is not None:
         return Message("maps.mainly_both", {"maps": maps, "jumps": jumps})
     return maps or jumps
@@ -415,14 +414,16 @@ def _mainly_maps(
     return best or Message("maps.mainly_pair", values)
 
 
-def _mainly_jump(
-    effects: Sequence[PairEffect], instants: FloatArray, names: Sequence[str]
-) -> Message | None:
+def _mainly_jump(effects: Sequence[PairEffect], names: Sequence[str]) -> Message | None:
     found = [effect for effect in effects if effect.low > 0.0]
     if not found or len(effects) == 1:
         return None
     largest = max(found, key=lambda effect: effect.low)
-    return Message("maps.mainly_jump", {"feet": _together(largest, instants, names)})
+    said = []
+    for order in largest.first.split(AND):
+        first, second = sorted(int(foot) - 1 for foot in _feet(order))
+        said.append(_both(first, second, names))
+    return Message("maps.mainly_jump", {"feet": _any_of(said)})
 
 
 def _together(effect: PairEffect, instants: FloatArray, names: Sequence[str]) -> str:
@@ -436,6 +437,11 @@ def _together(effect: PairEffect, instants: FloatArray, names: Sequence[str]) ->
         alike = abs(float(np.mean(exchanged * other)))
         if {i, j} != {first, second} and alike > TOGETHER:
             said.append(_both(i, j, names))
+    return _any_of(said)
+
+
+def _any_of(said: list[str]) -> str:
+    """Return pairs of feet in words, of which any may be meant."""
     if len(said) == 1:
         return said[0]
     return str(Message("maps.feet_together", {"pairs": " or ".join(said)}))

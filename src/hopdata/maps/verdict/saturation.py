@@ -10,6 +10,9 @@ term that saturates, tau tanh(d / tau) of its duration d, beside the kinks. Rand
 signs decide whether these terms are needed. If so, kinks and terms together have the
 slope at the simultaneous contact.
 
+Jumps, and kinks too faint to be fitted, look like saturation of the kinks that are
+fitted. Both stand beside these terms, so that they are not taken for it.
+
 A kink that is spent much faster than the contacts lie apart looks like nothing. `lasts`
 says from which time constant on a bound over the landings is one at the simultaneous
 contact, too.
