@@ -405,5 +405,5 @@ def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
         changes = forecast.changes(found, config, [])
         codes = [change.code for change in changes]
         assert codes.count("commands.vary_the_order") == varies
-        told = "of 30 landings, 26 have one contact order"
+        told = "that of 26 of 30 landings"
         assert sum(told in str(change) for change in changes) == varies

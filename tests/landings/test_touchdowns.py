@@ -185,12 +185,13 @@ def test_reasons(scene):
     bounce = (cycle == 7) & (positions[:, :3, 2].mean(axis=1) < POST_HEIGHT_M + 0.02)
     positions[bounce, :3, 2] += 0.1
     table = touchdown_table(replace(recording, positions=positions), **SECTIONS)
+    feet = recording.names("foot")
     assert table["reason"].tolist()[:9] == [
         "",
         "no foot of the study landed",
-        "foot 2 not down by the post section",
-        "foot 3 down before the pre section",
-        "frames missing at the contact of foot 1",
+        f"{feet[1]} not down by the post section",
+        f"{feet[2]} down before the pre section",
+        f"frames missing at the contact of {feet[0]}",
         "frames missing at the pre section",
         "frames missing at the post section",
         "post section never reached",
@@ -411,7 +412,7 @@ def test_a_marker_that_is_hidden_for_half_of_the_run_makes_no_landings(
     table = runner_table(external_recording, "L", hidden=4)
     landed = table["reason"] != "no foot of the study landed"
     assert landed.sum() == 39
-    hidden = table["reason"] == "frames missing at the contact of foot 2"
+    hidden = table["reason"] == "frames missing at the contact of L_mt1"
     assert 15 <= hidden.sum() <= 20
     assert (~table["excluded"]).sum() >= 15
 

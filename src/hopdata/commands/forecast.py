@@ -23,6 +23,7 @@ from hopdata.landings.contacts.remarks import contact_remarks, one_for_all_feet
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
+from hopdata.maps.verdict.inputs import LEAST_CLASS
 from hopdata.maps.verdict.limits import TWO_KINDS, TWO_KINDS_CODE
 from hopdata.maps.verdict.model import LEFT
 from hopdata.messages import Message
@@ -139,12 +140,12 @@ class Forecast:
     @property
     def landings(self) -> int:
         """Return the number of landings of the study's feet."""
-        return self.scaled((self.touchdowns["reason"] != NO_FOOT_LANDED).sum())
+        return self._scaled((self.touchdowns["reason"] != NO_FOOT_LANDED).sum())
 
     @property
     def used(self) -> int:
         """Return the number of landings that will be used."""
-        return self.scaled((~self.touchdowns["excluded"]).sum())
+        return self._scaled((~self.touchdowns["excluded"]).sum())
 
     def timed(self, foot: str) -> float:
         """Return the share of landings in which the contact of a foot is found."""
@@ -193,9 +194,9 @@ class Forecast:
         """Return how many landings each reason costs, the most costly first."""
         words = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
         counts = words[words != NO_FOOT_LANDED].value_counts()
-        return {str(reason): self.scaled(count) for reason, count in counts.items()}
+        return {str(reason): self._scaled(count) for reason, count in counts.items()}
 
-    def scaled(self, count: float) -> int:
+    def _scaled(self, count: float) -> int:
         """Return a count in the frames examined as that of the whole study."""
         return round(float(count) / self.frames_share)
 
@@ -404,7 +405,7 @@ def _for_lost_landings(
     if len(body) > MIN_BODY_MARKERS:
         values["or_else"] = ", or take it off markers.body"
     for words, count in forecast.left_out().items():
-        reason = exclusion.reason_of(words, len(feet))
+        reason = exclusion.reason_of(words, feet)
         if reason is None or reason.code not in CHANGES:
             continue
         if count >= LEAST_SHARE * forecast.landings:
@@ -489,9 +490,10 @@ def _for_few_landings(
 def _for_one_order(forecast: Forecast) -> Iterator[Message]:
     """Yield advice if the landings have one contact order, or nearly so."""
     used = forecast.touchdowns[~forecast.touchdowns["excluded"]]
-    most = int(used["schedule"].value_counts().max()) if len(used) else 0
-    are_alike = most > MOST_ALIKE * len(used)
+    counts = used["schedule"].value_counts()
+    are_alike = counts.max() > MOST_ALIKE * counts.sum()
     few_of_one = forecast.code in (TOO_FEW_ORDERS, TOO_FEW_LANDINGS) and are_alike
     if few_of_one or forecast.code == NO_TWO_FEET:
-        values = {"used": forecast.used, "usual": forecast.scaled(most)}
+        most = int(counts.max()) if len(counts) else 0
+        values = {"most": most, "used": len(used), "least": LEAST_CLASS}
         yield Message("commands.vary_the_order", values)

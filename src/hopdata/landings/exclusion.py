@@ -6,6 +6,9 @@ the reason asks `reason_of`, and compares codes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from hopdata.errors import with_names
 from hopdata.messages import Message
 
 FOOT_HIDDEN = "landings.foot_hidden"
@@ -51,16 +54,18 @@ OF_ALL_FEET = (
 )
 
 
-def reason_of(words: str, n_feet: int) -> Message | None:
-    """Return the reason that a table of touchdowns with so many feet puts in words.
+def reason_of(words: str, feet: Sequence[str]) -> Message | None:
+    """Return the reason that a table of touchdowns of these feet puts in words.
 
-    None for a reason by hand, whose words are the user's.
+    Its foot is a number, from 1 in the order of the feet. None for a reason by hand,
+    whose words are the user's.
     """
     possible = [Message(code) for code in OF_ALL_FEET]
     for code in OF_A_FOOT:
-        for number in range(1, n_feet + 1):
+        for number in range(1, len(feet) + 1):
             possible.append(Message(code, {"foot": number}))
+    columns = [f"contact_{foot}_s" for foot in feet]
     for reason in possible:
-        if reason.text() == words:
+        if words in (reason.text(), with_names(reason.text(), columns)):
             return reason
     return None

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
-from hopdata.errors import AnalysisError, chosen, require_choice
+from hopdata.errors import AnalysisError, chosen, require_choice, with_names
 from hopdata.landings import exclusion, schedules
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import find_landings
@@ -363,5 +363,6 @@ def _table(
     columns["runner_up_probability"] = second_probability
     columns["spread_s"] = schedules.spread(contacts.instant)
     columns["excluded"] = [bool(reason) for reason in reasons]
-    columns["reason"] = reasons
+    # Numbers of feet are those of orders; readers of the table know the names.
+    columns["reason"] = [with_names(reason, columns) for reason in reasons]
     return pd.DataFrame(columns)
