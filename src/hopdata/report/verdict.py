@@ -422,8 +422,17 @@ def _orders_note(verdict: Verdict) -> Message:
         "confidence": show.percent(100 * verdict["confidence"]),
         "flips": show.count(verdict.get("flips")),
         "said": _of_all_orders(verdict),
+        "of_one": "",
+        "with_one": "",
+        "shared": "",
         "p_least": show.significant(1.0 / (1.0 + (verdict.get("flips") or 0)), 2),
     }
+    if any(row["of"] == "order" for row in rows):
+        values["of_one"] = Message("report.orders_of_one")
+        values["with_one"] = Message("report.orders_with_one")
+    else:
+        # Landings with one foot before another are compared, not whole orders.
+        values["shared"] = Message("report.orders_shared")
     allowed = [row.get("allowed") for row in rows if row["of"] != "jump"]
     known = [size for size in allowed if size is not None]
     if not known:
