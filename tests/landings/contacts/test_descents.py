@@ -5,7 +5,11 @@ import pytest
 from synthetic_landings import simulate, transitions_of
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.descents import descents, find_transitions
+from hopdata.landings.contacts.descents import (
+    descents,
+    find_hidden_landings,
+    find_transitions,
+)
 
 SECTIONS = {"pre_height_m": 0.3, "post_height_m": -0.3}
 
@@ -184,3 +188,24 @@ def test_the_range_of_the_heights_decides_among_jumps_of_any_height():
     for depth, expected in [(0.05, 6), (0.2, 7)]:
         height = np.concatenate([*jumps[:3], 0.8 + depth * shape, *jumps[3:]])
         assert len(descents(height)) == expected
+
+
+@pytest.mark.parametrize(("gap_ends_s", "hidden"), [(0.40, 0), (1.2, 1)])
+def test_a_descent_that_a_gap_cuts_has_one_row(gap_ends_s, hidden):
+    """Feet are nearly down as the body is seen again, and touch later: one landing.
+
+    If the body is seen again on its way to the next one, the landing is hidden.
+    """
+    time = np.arange(400) / 200
+    body = 0.7 + 0.2 * np.cos(2 * np.pi * (time - 0.15))
+    body[(time >= 0.1) & (time < gap_ends_s)] = np.nan
+    # Up until 0.36 s, nearly down from 0.395 s on, and up again; the next one is seen.
+    knots = [0.0, 0.355, 0.395, 0.42, 0.8, 0.85, 1.355, 1.395, 2.0]
+    height = np.interp(time, knots, [0.2, 0.2, 0.01, 0.0, 0.0, 0.2, 0.2, 0.01, 0.0])
+    spans = time[np.array(descents(body, time, longest=0.1))]
+    found = find_hidden_landings(
+        time, np.stack([height, height], axis=1), body, spans, down_height_m=0.02
+    )
+    assert len(found) == hidden
+    if hidden:
+        assert 0.3 < found[0, 0] < found[0, 1] < 0.42

@@ -341,7 +341,8 @@ def find_hidden_landings(
     is_hidden = body_gap > longest_gap_s(time)
     # In a pause the animal may have been moved.
     paused = longest_gaps(time, found) > PAUSED_S
-    return found[is_hidden & ~paused & ~_have_a_descent(found, spans)]
+    reach = _to_seen_frames(time[~np.isnan(body)], spans)
+    return found[is_hidden & ~paused & ~_have_a_descent(found, spans, reach)]
 
 
 def longest_gap_s(time: FloatArray, time_scale: float = 1.0) -> float:
@@ -366,15 +367,33 @@ def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:
     return np.array(longest)
 
 
-def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
+def _to_seen_frames(seen: FloatArray, spans: FloatArray) -> FloatArray:
+    """Return the spans (D, 2) from the seen frame before each to that after it, s.
+
+    A descent may begin, or end, where a gap ends, or begins: its landing may lie within
+    the gap. `seen` (N,) are the instants of frames, s.
+    """
+    before = np.searchsorted(seen, spans[:, 0]) - 1
+    after = np.searchsorted(seen, spans[:, 1], side="right")
+    reach = spans.copy()
+    has_before = before >= 0
+    has_after = after < len(seen)
+    reach[has_before, 0] = seen[before[has_before]]
+    reach[has_after, 1] = seen[after[has_after]]
+    return reach
+
+
+def _have_a_descent(
+    found: FloatArray, spans: FloatArray, reach: FloatArray
+) -> BoolArray:
     """Mark the landings (H, 2) that have a descent.
 
-    Each descent (D, 2) claims the nearest landing that overlaps it.
+    Each descent (D, 2) claims the nearest landing that overlaps its reach (D, 2).
     """
     have = np.zeros(len(found), dtype=bool)
     # Both columns are in the order of time.
-    first = np.searchsorted(found[:, 1], spans[:, 0])
-    stop = np.searchsorted(found[:, 0], spans[:, 1], side="right")
+    first = np.searchsorted(found[:, 1], reach[:, 0])
+    stop = np.searchsorted(found[:, 0], reach[:, 1], side="right")
     for (begin, end), low, high in zip(spans, first, stop, strict=True):
         unclaimed = low + np.flatnonzero(~have[low:high])
         if len(unclaimed) > 0:
