@@ -398,8 +398,7 @@ def contacts(
     require_distinct(several)
     remarks: list[Message] = []
     levelled = []
-    for recording in several:
-        known, guessed = with_feet(recording, named_feet(feet))
+    for known, guessed in with_feet(several, named_feet(feet)):
         known, left_out = without_spans(known, spans)
         remarks += left_out
         remarks += one_foot_remarks(known)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from hopdata.arrays import pd
     from hopdata.contact_times import ContactTimes
     from hopdata.recording import Recording
+    from hopdata.recordings.quality.every_foot import GuessedFeet
     from hopdata.recordings.quality.inspection import Inspection
 
 # Suffixes of configurations.
@@ -113,11 +114,12 @@ def contacts(options: argparse.Namespace) -> int:
     """Time the contacts of some files; exit code 1 if none is found."""
     _require_apart(options)
     trials: list[Trial] = []
-    for file in [options.file, *options.more]:
-        if file.suffix.lower() in YAML:
-            trials += _of_config(file)
-        else:
-            trials.append(_of_file(file, options))
+    files = [options.file, *options.more]
+    of_files = iter(
+        _of_files([file for file in files if not _is_config(file)], options)
+    )
+    for file in files:
+        trials += _of_config(file) if _is_config(file) else [next(of_files)]
     name_apart(trials)
     _require_events(options, trials)
     with terminal.progress_line("timing contacts"):
@@ -210,13 +212,46 @@ def timed(
 # The trials, from files or a configuration.
 
 
-def _of_file(file: Path, options: argparse.Namespace) -> Trial:
-    """Read a file with the roles that the user gave; the others are guessed."""
+def _is_config(file: Path) -> bool:
+    """Return whether a file is a configuration."""
+    return file.suffix.lower() in YAML
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """What was read off a file before its recording is imported."""
+
+    file: Path
+    unit: str
+    up: str
+    feet: GuessedFeet
+    body: list[str]
+    notes: list[str]
+    is_guessed: bool
+
+
+def _of_files(files: Sequence[Path], options: argparse.Namespace) -> list[Trial]:
+    """Read files with the roles that the user gave; the others are guessed.
+
+    Guessed feet are alike in files with the same markers.
+    """
+    from hopdata.recordings.quality.every_foot import shared_feet
+
+    looked = [_look_at(file, options) for file in files]
+    guessed = [one for one in looked if one.is_guessed]
+    shared = iter(shared_feet([one.feet for one in guessed]))
+    return [
+        _read(one, next(shared) if one.is_guessed else one.feet, options.rate)
+        for one in looked
+    ]
+
+
+def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
+    """Find unit, axes, feet and body of a file, and what to know of it."""
     from hopdata.commands.guesses import inspected
     from hopdata.landings.role_guesses import guessed_roles
-    from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_order
-    from hopdata.recordings.quality.every_foot import every_foot
+    from hopdata.recordings.quality.every_foot import GuessedFeet, every_foot
 
     of_one = argparse.Namespace(**{**vars(options), "file": file})
     inspection = inspected(of_one)
@@ -229,32 +264,51 @@ def _of_file(file: Path, options: argparse.Namespace) -> Trial:
         # Frames of exchanged or frozen markers are not timed: landings may be lost.
         suspects = {"answer": listing.answer(inspection)}
         questions.append(str(Message("commands.see_inspect", suspects)))
-    notes = [f"{file}: {note}" for note in questions]
     feet, joined = _given_feet(options.feet, file, inspection)
-    if not feet:
+    is_guessed = not feet
+    if is_guessed:
         feet, joined = every_foot(inspection, roles)
         if not feet:
             # No body is needed, so that its lack is no reason.
             of_feet = [one for one in roles.problems if one.code in NO_FEET]
             why = "; ".join(str(problem) for problem in of_feet or roles.problems)
             raise RecordingError(f"{file}: {why}; here by --feet NAME ...")
-        notes.append(_feet_guessed(file, feet, joined))
     body = list(options.body or roles.body)
     _require_markers("--body", file, body, inspection)
-    body = [name for name in body if name not in feet]
+    return _Looked(
+        file,
+        inspection.unit.value,
+        inspection.up.value,
+        GuessedFeet.of(inspection.markers, feet, joined),
+        body,
+        [f"{file}: {note}" for note in questions],
+        is_guessed,
+    )
+
+
+def _read(looked: _Looked, feet: GuessedFeet, rate_hz: float | None) -> Trial:
+    """Read the recording of a file with its feet."""
+    from hopdata.recordings.importing import import_recording
+
+    file = looked.file
+    notes = [*looked.notes]
+    if looked.is_guessed:
+        notes.append(_feet_guessed(file, feet))
+    body = [name for name in looked.body if name not in feet.feet]
+    of_feet = list(feet.feet)
     recording, _ = import_recording(
         file,
         name=file.stem,
-        markers={"body": body or feet, "feet": feet if body else []},
-        unit=inspection.unit.value,
-        vertical_axis=inspection.up.value,
-        rate_hz=options.rate,
+        markers={"body": body or of_feet, "feet": of_feet if body else []},
+        unit=looked.unit,
+        vertical_axis=looked.up,
+        rate_hz=rate_hz,
     )
     if not body:
         recording = _all_feet(recording)
         notes.append(str(Message("commands.no_body_for_contacts", {"file": file})))
     notes += _notes_on(recording)
-    joined_feet = [{"name": name, "markers": own} for name, own in joined.items()]
+    joined_feet = [{"name": name, "markers": list(own)} for name, own in feet.joined]
     return Trial(recording, (file,), joined_feet, notes=tuple(dict.fromkeys(notes)))
 
 
@@ -294,11 +348,11 @@ def _all_feet(recording: Recording) -> Recording:
     return replace(recording, roles=("foot",) * len(recording.markers))
 
 
-def _feet_guessed(file: Path, feet: Sequence[str], joined: Mapping[str, Any]) -> str:
+def _feet_guessed(file: Path, feet: GuessedFeet) -> str:
     """Say which markers are taken for feet."""
-    of_one = {marker: name for name, own in joined.items() for marker in own}
-    told = [name for name in feet if name not in of_one]
-    told += [f"{name}{NAME_IS}{','.join(own)}" for name, own in joined.items()]
+    of_one = {marker for _, own in feet.joined for marker in own}
+    told = [name for name in feet.feet if name not in of_one]
+    told += [f"{name}{NAME_IS}{','.join(own)}" for name, own in feet.joined]
     values = {"file": file, "feet": " ".join(told)}
     return str(Message("commands.feet_guessed", values))
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from hopdata.errors import AnalysisError, ArgumentError
 from hopdata.messages import Message
 from hopdata.recording import Recording, place_of
 from hopdata.recordings.quality.part_names import SIDE_NAMES, sides_of_feet
 from hopdata.recordings.wording import chained
+
+if TYPE_CHECKING:
+    from hopdata.recordings.quality.every_foot import GuessedFeet
 
 # What may name feet.
 Feet = Sequence[str] | Mapping[str, Iterable[str]] | Sequence[str | Mapping[str, Any]]
@@ -56,27 +59,59 @@ def named_feet(
 
 
 def with_feet(
-    recording: Recording, given: Mapping[str, Iterable[str]] | tuple[str, ...] | None
-) -> tuple[Recording, list[Message]]:
-    """Return a recording with these feet, or all its own; without any, guess them.
+    recordings: Sequence[Recording],
+    given: Mapping[str, Iterable[str]] | tuple[str, ...] | None,
+) -> list[tuple[Recording, list[Message]]]:
+    """Return recordings with these feet, or all their own; without any, guess them.
 
     Markers without a role are left out if roles are guessed. Of a recording without
     roles whose feet are named, the body is guessed, as by ``hopdata contacts --feet``.
+    Guesses are alike for recordings with the same markers.
+
+    Returns
+    -------
+    list of (Recording, list of Message)
+        Each with what is to be told of its feet.
 
     Raises
     ------
     AnalysisError
         If no foot is found.
     """
-    if given is not None:
-        named = recording.with_roles(feet=given)
-        if recording.indices("foot") or recording.indices("body"):
-            return named, []
-        return _with_body(named), []
-    if recording.indices("foot"):
-        return recording, []
+    ready: list[tuple[Recording, list[Message]]] = []
+    unknown: dict[int, _Guess] = {}
+    for number, recording in enumerate(recordings):
+        known = recording
+        if given is not None:
+            known = recording.with_roles(feet=given)
+            if not recording.indices("foot") and not recording.indices("body"):
+                known = _with_body(known)
+        elif not recording.indices("foot"):
+            unknown[number] = _guess(recording)
+        ready.append((known, []))
+    if not unknown:
+        return ready
+    from hopdata.recordings.quality.every_foot import shared_feet
+
+    shared = shared_feet([guess.feet for guess in unknown.values()])
+    for (number, guess), feet in zip(unknown.items(), shared, strict=True):
+        ready[number] = _with_guess(recordings[number], guess, feet)
+    return ready
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """Feet and body of a recording, as guessed, and why these are its feet."""
+
+    feet: GuessedFeet
+    body: Sequence[str]
+    reason: Message | str
+
+
+def _guess(recording: Recording) -> _Guess:
+    """Guess the roles of a recording's markers."""
     from hopdata.landings.role_guesses import guessed_roles
-    from hopdata.recordings.quality.every_foot import every_foot
+    from hopdata.recordings.quality.every_foot import GuessedFeet, every_foot
     from hopdata.recordings.quality.inspection import inspect
 
     if len(recording.time) < 2 or not recording.markers:
@@ -89,19 +124,26 @@ def with_feet(
         why = "; ".join(str(problem) for problem in roles.problems)
         values = {"place": place_of(recording), "why": why or "by names and motion"}
         raise AnalysisError(Message("landings.no_feet_for_contacts", values))
-    foot_of = {marker: foot for foot, own in joined.items() for marker in own}
-    body = recording.names("body") or roles.body
-    with_roles = recording.with_roles(
-        feet=every, body=[name for name in body if name not in every]
+    return _Guess(
+        GuessedFeet.of(recording.markers, every, joined),
+        recording.names("body") or roles.body,
+        _of_all_feet(roles.reasons.get("feet")) or "",
     )
+
+
+def _with_guess(
+    recording: Recording, guess: _Guess, feet: GuessedFeet
+) -> tuple[Recording, list[Message]]:
+    """Return a recording with guessed feet and the body of its own guess."""
+    body = [name for name in guess.body if name not in feet.feet]
+    with_roles = recording.with_roles(feet=feet.feet, body=body)
     # The markers stay in the order of the file, as for the command.
-    groups = tuple((foot, tuple(own)) for foot, own in joined.items())
-    with_roles = replace(with_roles, joined=groups)
+    with_roles = replace(with_roles, joined=feet.joined)
     kept = [*with_roles.names("body"), *with_roles.names("foot")]
-    names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in every))
+    foot_of = {marker: foot for foot, own in feet.joined for marker in own}
+    names = ", ".join(dict.fromkeys(foot_of.get(name, name) for name in feet.feet))
     values = {"place": place_of(recording), "role": "feet", "names": names}
-    reason = _of_all_feet(roles.reasons.get("feet")) or ""
-    remark = Message("landings.role_guessed", {**values, "reason": reason})
+    remark = Message("landings.role_guessed", {**values, "reason": guess.reason})
     return with_roles[kept], [remark]
 
 

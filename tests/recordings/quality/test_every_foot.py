@@ -7,7 +7,11 @@ import pytest
 from made_up_hopper import MARKERS, hopping
 from made_up_people import person
 
-from hopdata.recordings.quality.every_foot import every_foot
+from hopdata.recordings.quality.every_foot import (
+    GuessedFeet,
+    every_foot,
+    shared_feet,
+)
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
@@ -112,3 +116,16 @@ def test_all_hooves_of_a_trot_are_feet_of_two_markers(limbs):
     assert joined == {
         limb: [f"{limb}_Hoof_toe", f"{limb}_Hoof_heel"] for limb in sorted(limbs)
     }
+
+
+def test_what_most_files_show_of_their_feet_holds_for_all():
+    markers = ("LHEE", "LTOE", "RHEE", "RTOE", "SACR")
+    joined = {"left": ["LHEE", "LTOE"], "right": ["RHEE", "RTOE"]}
+    whole = GuessedFeet.of(markers, markers[:4], joined)
+    odd = GuessedFeet.of(markers, ("LHEE", "LTOE", "RTOE"), {"left": joined["left"]})
+    other = GuessedFeet.of(("hoof", "withers"), ("hoof",), {})
+    assert shared_feet([odd, whole, other, whole]) == [whole, whole, other, whole]
+    # Of two as frequent, the one with more markers.
+    assert shared_feet([odd, whole]) == [whole, whole]
+    assert shared_feet([odd, odd, whole]) == [odd, odd, odd]
+    assert shared_feet([]) == []

@@ -6,6 +6,10 @@ feet of a runner, and those of a walk.
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
 from hopdata.recordings.quality.feet import joined_feet
 from hopdata.recordings.quality.inspection import Inspection
 from hopdata.recordings.quality.part_names import (
@@ -22,6 +26,7 @@ from hopdata.recordings.quality.roles import Roles
 from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
 
 Joined = dict[str, list[str]]
+Grouping = tuple[tuple[str, tuple[str, ...]], ...]
 
 
 def every_foot(inspection: Inspection, roles: Roles) -> tuple[list[str], Joined]:
@@ -52,6 +57,55 @@ def every_foot(inspection: Inspection, roles: Roles) -> tuple[list[str], Joined]
         chosen = _by_name(inspection)
     feet = [m for m, name in enumerate(markers) if name in chosen]
     return [markers[m] for m in feet], joined_feet(feet, inspection, least_feet=1)
+
+
+@dataclass(frozen=True)
+class GuessedFeet:
+    """The feet that were guessed in one of several files.
+
+    Parameters
+    ----------
+    markers : tuple of str
+        All markers of the file.
+    feet : tuple of str
+        Those on feet, in the order of the file.
+    joined : tuple of (str, tuple of str)
+        Feet with several of these markers: name, and those markers.
+    """
+
+    markers: tuple[str, ...]
+    feet: tuple[str, ...]
+    joined: Grouping
+
+    @classmethod
+    def of(
+        cls, markers: Iterable[str], feet: Iterable[str], joined: Joined
+    ) -> GuessedFeet:
+        """Return what `every_foot` has found among the markers of a file."""
+        groups = tuple((name, tuple(own)) for name, own in joined.items())
+        return cls(tuple(markers), tuple(feet), groups)
+
+
+def shared_feet(guesses: Sequence[GuessedFeet]) -> list[GuessedFeet]:
+    """Return the guess of each file, alike for all files with the same markers.
+
+    Files of one call are of one subject. What most of them show holds for all; of two
+    guesses as frequent, the one with more markers. So a gap, noise or a heel that does
+    not land in one file makes no other feet of it.
+    """
+    counts: dict[frozenset[str], Counter[GuessedFeet]] = {}
+    for guess in guesses:
+        own = counts.setdefault(frozenset(guess.markers), Counter())
+        own[guess] += 1
+    return [
+        max(own, key=lambda one: (own[one], len(one.feet), _n_joined(one)))
+        for own in (counts[frozenset(guess.markers)] for guess in guesses)
+    ]
+
+
+def _n_joined(guess: GuessedFeet) -> int:
+    """Return how many markers are joined."""
+    return sum(len(own) for _, own in guess.joined)
 
 
 def _alike(
