@@ -14,6 +14,7 @@ import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray
 from hopdata.errors import chosen
+from hopdata.landings.contacts.curved import curved_errors
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.law import (
     TELLING_LOSS,
@@ -198,9 +199,10 @@ def joint_fits(
             laws = strikes
             instant = struck
     fits = trials.fits(instant, laws)
-    fits, common = with_softness(trials, fits, laws, alike=True)
-    hidden_s = _hidden_by_the_law(trials, fits, laws, weak)
-    return fits, np.hypot(common, hidden_s)
+    softly, common = with_softness(trials, fits, laws, alike=True)
+    curved_s = curved_errors(trials, fits, laws, softly.instant)
+    hidden_s = np.hypot(_hidden_by_the_law(trials, softly, laws, weak), curved_s)
+    return softly, np.hypot(common, hidden_s)
 
 
 def _laws(priors: FlightPriors, noise_m: FloatArray, *, pushes: bool = True) -> Laws:
