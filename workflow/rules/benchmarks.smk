@@ -28,6 +28,7 @@ BENCHMARK_TABLES = {
     "foot_strikes": ["foot_strikes.csv"],
     "jumps": ["jumps.csv"],
     "springy_soles": ["springy_soles.csv"],
+    "curved_swings": ["curved_swings.csv"],
     "velocities": ["velocities.csv", "map_error.csv", "map_error_spread.csv"],
     "maps": ["maps.csv"],
     "verdict_power": [
@@ -100,6 +101,7 @@ UNTIMED = {
     "animals",
     "check_forecast",
     "contact_instants",
+    "curved_swings",
     "foot_strikes",
     "guesses",
     "jumps",
