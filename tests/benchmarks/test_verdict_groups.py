@@ -55,14 +55,13 @@ def test_what_is_added_has_a_slope_at_the_simultaneous_contact_only_if_it_is_a_k
     assert max(slopes["square"], slopes["bend 1"]) < 0.01
 
 
-def test_a_difference_that_fades_starts_as_a_kink_of_known_size(monkeypatch):
+def test_a_difference_that_fades_starts_as_a_kink_of_known_size():
     """0.269 is the size that docs/verdict.md computes for the same landings."""
-    monkeypatch.setattr(fading, "STRENGTH", 50.0)
-    lasting = fading.fading_landings("lasting", "latest - mean", 0.003, 1)
+    lasting = fading.fading_landings("lasting", "latest - mean", 0.003, 1, strength=50)
     assert lasting.at_contact == pytest.approx(0.269, abs=5e-4)
     for delay in fading.DELAYS:
         sizes = {
-            name: fading.fading_landings(name, delay, 0.003, 1)
+            name: fading.fading_landings(name, delay, 0.003, 1, strength=50)
             for name in fading.SHAPES
         }
         at_contact = sizes["lasting"].at_contact
