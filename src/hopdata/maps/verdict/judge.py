@@ -556,7 +556,10 @@ def _answer(
         needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
     could_show = outlook(effect, needed, measured.n_known, options.power)
     if contact.saturates:
-        could_show = Message("maps.outlook_saturates", {"outlook": could_show})
+        code = "maps.outlook_seems_to_fade"
+        if conclusion == DIFFERENT:
+            code = "maps.outlook_saturates"
+        could_show = Message(code, {"outlook": could_show})
     said = sentence(
         conclusion,
         sizes.effect.sizes(),
