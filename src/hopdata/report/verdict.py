@@ -221,8 +221,8 @@ def verdict_facts(
         how many of these were fitted, and ``left_out``, how many are like none of
         these; ``foretold``, the share of their order that is;
         ``differ``, which maps differ if any do; ``mainly``, what differs most;
-        ``needed``, the landings with which ``asked`` could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
-        are lettered.
+        ``needed``, the landings with which ``asked`` could be seen; ``kinds`` of sizes
+        of the orders, as the panels of their figure are lettered.
     """
     known: Verdict = verdict or {}
     effect = _deciding(known)
