@@ -69,6 +69,17 @@ class Message:
         return cls(content["code"], values)
 
 
+def in_per_cent(share: float) -> float:
+    """Return a share in per cent as sentences, pages and figures show it.
+
+    It has two digits or, from 100 % on, is whole: two digits would show an upper end of
+    105 % as 100 %.
+    """
+    if abs(share) < 1.0:
+        return float(f"{100.0 * share:.2g}")
+    return float(f"{100.0 * share:.0f}")
+
+
 def in_shell(message: Message) -> Message:
     """Return a message in the words for a reader of a terminal.
 

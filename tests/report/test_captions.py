@@ -73,10 +73,21 @@ def test_without_a_known_method_none_is_named():
 
 
 SAYS = {
-    "different": ("interval with the estimate in it", "each has a map of its own"),
+    "different": (
+        "interval with the estimate in it",
+        "those of the orders are not all the same",
+    ),
     "no difference": ("cannot exclude", "those of the orders were not found to differ"),
-    "cannot tell": ("cannot exclude", "or each has its own"),
+    "cannot tell": ("cannot exclude", "from all orders, or more than one"),
 }
+
+
+def test_no_order_of_many_feet_is_said_to_have_a_map_of_its_own():
+    text = page(verdict=verdict(conclusion="different", n_feet=5))
+    assert "those of landings with either foot of a pair first" in text
+    assert (
+        "map of its own" not in text.partition("Figure 1")[2].partition("Figure 2")[0]
+    )
 
 
 @pytest.mark.parametrize("conclusion", SAYS)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from hopdata.errors import counted
 from hopdata.feet import foot_names, foot_places
 from hopdata.figures import style
+from hopdata.messages import in_per_cent
 
 # Heights of a row of two plots, of a member of a group, and of a study's title.
 ROW_MM = 58.0
@@ -60,8 +61,8 @@ def verdict_figure(
     -------
     Figure
         (a) The difference and its uncertainty. (b) All orders of contact, and whether
-        their maps were found to differ. If a study has no answer, there is (b) alone.
-        All sentences are in the caption.
+        their maps were found to differ, all together. If a study has no answer, there
+        is (b) alone. All sentences are in the caption.
     """
     if verdict.get("effect") is None and _used(touchdowns).empty:
         return style.message_figure(
@@ -313,7 +314,7 @@ PER_CENT = "\u00a0%"  # the space keeps number and sign on one line
 
 
 def _percent(share: float) -> str:
-    return f"{float(f'{100 * share:.2g}'):g}{PER_CENT}"
+    return f"{in_per_cent(share):g}{PER_CENT}"
 
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
@@ -440,27 +441,21 @@ def _draw_count(axes: Axes, row: int, count: int, most: int) -> None:
 
 
 def _draw_maps(axes: Axes, verdict: Mapping[str, Any], rows: int) -> None:
-    """Draw what leads on from the orders: maps alike, own maps, or it is not known."""
+    """Draw what leads on from the orders: maps alike, different, or it is not known.
+
+    A difference is one of all together. Orders may share a map all the same, so none is
+    drawn with a map of its own.
+    """
     conclusion = verdict["conclusion"]
     _, colour = ANSWERS[conclusion]
     left, right = LINES
     line: Any = {"color": colour, "linewidth": 0.8}
-    if conclusion == "different":
-        axes.text(
-            MAP,
-            -1.0,
-            "own map",
-            ha="center",
-            va="center",
-        )
-        for row in range(rows):
-            axes.plot([left, MAP], [row, row], **line)
-            axes.plot(MAP, row, "s", color=colour, markersize=5)
-        return
     middle = 0.5 * (rows - 1)
     for row in range(rows):
         axes.plot([left, right], [row, middle], **line)
     words = "one map?"
+    if conclusion == "different":
+        words = "not all\nalike"
     if conclusion == "no difference":
         bound = _percent(verdict[_decided(verdict)]["upper_bound"])
         words = f"alike to\n{bound}"

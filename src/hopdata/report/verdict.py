@@ -8,7 +8,7 @@ from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.feet import with_foot_names
-from hopdata.messages import Message
+from hopdata.messages import Message, in_per_cent
 from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
@@ -24,6 +24,9 @@ RESERVED = "maps.different_reserved"
 
 # Facts on how far an answer reaches towards the simultaneous contact.
 REACH = ("margin", "holds_from", "contact_spread")
+
+# Feet up to which whole orders are compared; of more, the order of each two.
+ALL_ORDERS_UP_TO = 3
 
 # Feet whose spread is half of how far apart they touch.
 TWO = 2
@@ -217,9 +220,9 @@ def verdict_facts(
         ``compared``, what was compared; ``landings``, how many were judged, ``fitted``,
         how many of these were fitted, and ``left_out``, how many are like none of
         these; ``foretold``, the share of their order that is;
-        ``mainly``, what differs most; ``needed``, the landings with which ``asked``
-        could be seen; ``kinds`` of sizes of the orders, as the panels of their figure
-        are lettered.
+        ``differ``, which maps differ if any do; ``mainly``, what differs most;
+        ``needed``, the landings with which ``asked`` could be seen; ``kinds`` of sizes
+        of the orders, as the panels of their figure are lettered.
     """
     known: Verdict = verdict or {}
     effect = _deciding(known)
@@ -279,6 +282,7 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
         "fitted": None,
         "left_out": None,
         "foretold": None,
+        "differ": str(_which_differ(verdict)),
         "mainly": verdict.get("main_contrast") or None,
         "asked": None,
         "needed": None,
@@ -295,6 +299,13 @@ def _compared_facts(verdict: Verdict) -> dict[str, str | None]:
         facts["asked"] = str(outlook["asked"])
         facts["needed"] = str(outlook["number"])
     return facts
+
+
+def _which_differ(verdict: Verdict) -> Message:
+    """Return which maps are different if a difference was found."""
+    if (verdict.get("n_feet") or 0) > ALL_ORDERS_UP_TO:
+        return Message("report.maps_of_pairs_differ")
+    return Message("report.maps_of_orders_differ")
 
 
 def _kinds_of_sizes(verdict: Verdict) -> list[str]:
@@ -351,9 +362,12 @@ def remark(
         values["bound"] = percent(effect["upper_bound"])
         values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
-    true = _true_effect(truth) or _true_effect(truth, "recorded_true_effect")
+    true = _true_effect(truth)
     if true:
-        said = Message("report.with_truth", {"remark": said, "true": true})
+        return Message("report.with_truth_at", {"remark": said, "true": true})
+    recorded = _true_effect(truth, "recorded_true_effect")
+    if recorded:  # at a state that is not known
+        return Message("report.with_truth", {"remark": said, "true": recorded})
     return said
 
 
@@ -568,12 +582,12 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
 
 
 def percent(share: float) -> str:
-    """Return a share to two digits, in per cent."""
+    """Return a share in per cent, to two digits or whole: see `in_per_cent`."""
     return show.with_unit(_in_hundredths(share), "%")
 
 
 def _in_hundredths(share: float) -> str:
-    """Return a share to two digits, also above 100 %, as in the verdict's sentence."""
+    """Return a share in per cent without its sign, as in the verdict's sentence."""
     if not math.isfinite(share):
         return show.significant(share, 2)
-    return show.significant(float(f"{100 * share:.2g}"), 2)
+    return show.significant(in_per_cent(share), 2)

@@ -1,6 +1,7 @@
 """Landings of a rigid body under a map whose derivative is known on every schedule."""
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -89,6 +90,26 @@ def landings(
     before, after = marker_states(x * scale, y * out, rng)
     times = 1.0 + instants + 0.0004 * rng.standard_normal(instants.shape)
     return Landings(before, after, times, x * scale, y * out)
+
+
+def fading_one_side(n=600, strength=2.0, *, within=0.4, jump=0.0, seed=1, feet=3):
+    """Return landings whose outcome changes while one foot of a pair is the later one.
+
+    The change is continuous, and constant beyond some `within` contact spreads; all
+    pairs have one, whose slopes are `strength` times those of kinks. The outcome may
+    jump, too, as in `landings`.
+    """
+    data = landings(n, seed=seed, feet=feet, jump=jump)
+    rng = np.random.default_rng(98)
+    t = (data.instants - data.instants.mean(axis=1, keepdims=True)) / SPREAD_S
+    y = data.y.copy()
+    out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
+    for first, second in combinations(range(feet), 2):
+        later = np.maximum(t[:, first] - t[:, second], 0.0)
+        slopes = strength * out * rng.standard_normal(11)
+        y += saturated(later, within)[:, None] * slopes
+    before, after = marker_states(data.x, y, rng)
+    return replace(data, before=before, after=after, y=y)
 
 
 def kinks_of_feet(seed, *, feet=3, pair=0.0, jump=0.0, last=0.0, first=0.0):

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.maps.verdict.kinked_landings import landings
+from tests.maps.verdict.kinked_landings import fading_one_side, landings
 
 from hopdata.maps.coordinates import kinks
 from hopdata.maps.verdict import effect
@@ -208,3 +208,19 @@ def test_only_kinks_that_are_larger_at_the_contact_saturate(
     if saturates:
         assert found.size.estimate == slow.estimate
         assert not found.size.is_bounded
+
+
+@pytest.mark.parametrize(("feet", "within"), [(3, 0.4), (4, 0.6)])
+@pytest.mark.parametrize("jump", [0.0, 1.2])
+def test_a_jump_is_named_only_if_no_fading_bend_explains_it(feet, within, jump):
+    data = fading_one_side(within=within, jump=jump, feet=feet)
+    found = judge(data.before, data.after, data.instants, seed=3, flips=199)
+    is_unsure = "maps.jump_unsure" in [note["code"] for note in found.notes]
+    rows = [row["low"] for row in found.orders if row["of"] == "jump"]
+    assert found.saturates
+    assert found.jump.estimate > found.jump.allowed
+    assert (found.jump.low > 0.0) == (jump > 0.0)
+    assert any(low > 0.0 for low in rows) == (jump > 0.0)
+    assert ("the outcome jumps by" in found.sentence) == (jump > 0.0)
+    assert ("jumps most" in found.main_contrast) == (jump > 0.0)
+    assert is_unsure == (jump == 0.0)

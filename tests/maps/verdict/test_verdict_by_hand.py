@@ -4,7 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kinked_landings import landings, legs_and_feet, with_a_rare_order
+from kinked_landings import (
+    fading_one_side,
+    landings,
+    legs_and_feet,
+    with_a_rare_order,
+)
 from verdict_by_hand import verdict
 
 from hopdata.maps.verdict import judge
@@ -26,6 +31,11 @@ def _of_legs():
     after[30:36, [0, 3, 6]] += 0.2  # slips
     errors = np.full(data.instants.shape, 4e-4)
     return _study(replace(data, after=after), feet=feet, instants_se=errors)
+
+
+def _of_a_bend():
+    """An effect that a foot has only while it is later than another, and that fades."""
+    return _study(fading_one_side(n=600, strength=2.0))
 
 
 def _of_a_session():
@@ -52,6 +62,7 @@ STUDIES = {
     "four feet": lambda: _study(landings(n=N, strength=0.3, feet=4)),
     "feet together": lambda: _study(landings(n=N, jump=0.4, feet=4, parallel=True)),
     "saturation": lambda: _study(landings(n=900, strength=1.0, spent_within=0.2)),
+    "a bend like a jump": _of_a_bend,
     "legs and feet": _of_legs,
     "session": _of_a_session,
     "slow change": _of_slow_change,
@@ -65,6 +76,10 @@ SHOWS = {
     "jumps": lambda answer: answer.jump.low > 0,
     "feet together": lambda answer: any("," in row["first"] for row in answer.orders),
     "saturation": lambda answer: answer.saturates,
+    "a bend like a jump": lambda answer: (
+        answer.jump.low == 0
+        and any(note["code"] == "maps.jump_unsure" for note in answer.notes)
+    ),
     "legs and feet": lambda answer: (
         answer.posture == "inputs of the map"
         and len(answer.gross_errors["outcome_far_off"]) > 0

@@ -1574,12 +1574,19 @@ def nodes_of(feet):
     return (nodes - nodes.mean(axis=0)) / nodes.std(axis=0)
 
 
-def saturating_terms(t, unforetold, tau):
+def delays(t):
+    """13: the differences of the instants of all pairs."""
+    return np.stack(
+        [t[:, i] - t[:, j] for i, j in combinations(range(t.shape[1]), 2)], 1
+    )
+
+
+def saturating_terms(t, unforetold, tau, times=durations):
     """13: terms that saturate, averaged over what is not foretold."""
     moves = np.zeros((1, t.shape[1]))
     if not is_nothing(unforetold, t):
         moves = nodes_of(t.shape[1]) @ root(unforetold)
-    return np.mean([tau * np.tanh(durations(t + move) / tau) for move in moves], axis=0)
+    return np.mean([tau * np.tanh(times(t + move) / tau) for move in moves], axis=0)
 
 
 def slopes_at_contact(scores, k, through):
@@ -1653,6 +1660,48 @@ def saturation(section, fit, size, over_landings, study):
         return p_value, over_landings
     unbounded = {"estimate": estimate, "high": None, "upper_bound": None}
     return p_value, over_landings | unbounded
+
+
+def jump_beside_bends(section, fit, of_steps, study):
+    """13: the largest p-value of the jumps beside bends."""
+    t = section.t[fit.rows]
+    steps = fit.free[:, fit.free.shape[1] - fit.v_steps.shape[1] :]
+    faint = fit.free[:, : fit.free.shape[1] - fit.v_steps.shape[1]]
+    with_kinks = beside(fit.mixing(np.hstack([fit.shown, faint])), fit.q)
+    q = np.hstack([fit.q, basis(with_kinks)])
+    found = []
+    for tau in TAUS:
+        bends = saturating_terms(t, section.unforetold, tau, delays)
+        d = visible(beside(fit.mixing(bends), q), bends, 0.01)
+        shown = beside(fit.mixing(bends @ d), q)
+        beside_bends = np.hstack([q, basis(shown)])
+        scores = fitted_scores(
+            fit.mixing(steps), fit.mixing(fit.outcomes), beside_bends
+        )
+        found.append(over_rows(scores, fit.rows, section.n))
+    by_forty = any(alike(of_steps.of(scores.full)) for scores in found)
+    n_signs = ceil(section.n / 40) if by_forty else section.n
+    signs = random_signs(study.seed, "jump", study.flips, n_signs)
+    p_values = []
+    for scores in found:
+        errors = Errors(scores, None, signs, by_forty)
+        draws = draws_of(scores, of_steps, errors)
+        p_values.append(draws.p_value(fit.allowed_steps))
+    return max(p_values)
+
+
+def only_sure_jumps(jump, rows, p_beside, level):
+    """13: the jump and the rows; jumps that are not told from bends have no low end."""
+    some = jump["low"] > 0 or any(r["low"] > 0 for r in rows if r["of"] == "jump")
+    if not some or p_beside < level:
+        return jump, rows
+    unsure = {"low": 0.0}
+    told = []
+    for row in rows:
+        if row["of"] == "jump":
+            row = row | unsure | {"p_value": max(row["p_value"], p_beside)}
+        told.append(row)
+    return jump | unsure | {"p_value": max(jump["p_value"], p_beside)}, told
 
 
 def at_contact(section, fit, slopes_there, size, study):
@@ -1757,6 +1806,10 @@ def verdict(x, y, instants, seed, **options):
         jump = effects[1] | {"left": fit.allowed_steps}
     p_value, effect = saturation(section, fit, size, effects[0], study)
     pairs = pair_draws(m, size, fit, of_steps, errors)
+    rows = sizes_of_pairs(pairs, joint_p, study)
+    if jump is not None and p_value < 0.01:
+        p_beside = jump_beside_bends(section, fit, of_steps, study)
+        jump, rows = only_sure_jumps(jump, rows, p_beside, study.level)
     spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
     share = effects[0]["upper_bound"] / study.margin
     holds = holds_from(section, fit, share)
@@ -1779,5 +1832,5 @@ def verdict(x, y, instants, seed, **options):
         "jump": jump,
         "levels": levels,
         "saturation_p_value": p_value,
-        "orders": sizes_of_pairs(pairs, joint_p, study),
+        "orders": rows,
     }

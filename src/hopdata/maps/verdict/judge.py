@@ -29,7 +29,12 @@ from hopdata.maps.verdict.data import Measured, Options
 from hopdata.maps.verdict.effect import AtContact, EffectSize
 from hopdata.maps.verdict.preliminary import preliminary
 from hopdata.maps.verdict.saturation import Lasting
-from hopdata.maps.verdict.sizes import Sizes, at_contact, sizes_of
+from hopdata.maps.verdict.sizes import (
+    Sizes,
+    at_contact,
+    sizes_of,
+    without_unsure_jump,
+)
 from hopdata.maps.verdict.what_now import (
     Limit,
     limits_of_reason,
@@ -364,6 +369,9 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     over_landings = sizes.effect
     contact = at_contact(fit, landings, comparison, over_landings, options)
     effect = contact.size
+    sizes = without_unsure_jump(
+        sizes, contact.p_value, fit, landings, comparison, options
+    )
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
     lasting = fit.lasting(landings)
     spreads = _least(lasting, over_landings.upper_bound / margin)
@@ -382,6 +390,8 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
+    if sizes.jump_unsure and jump is not None:
+        limited += limits.unsure_jump(jump.estimate)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = fit.growth(landings)
@@ -556,7 +566,10 @@ def _answer(
         needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
     could_show = outlook(effect, needed, measured.n_known, options.power)
     if contact.saturates:
-        could_show = Message("maps.outlook_saturates", {"outlook": could_show})
+        code = "maps.outlook_seems_to_fade"
+        if conclusion == DIFFERENT:
+            code = "maps.outlook_saturates"
+        could_show = Message(code, {"outlook": could_show})
     said = sentence(
         conclusion,
         sizes.effect.sizes(),

@@ -141,6 +141,11 @@ def grows(growth: Growth | None) -> Notes:
     return []
 
 
+def unsure_jump(size: float) -> Notes:
+    """Return a note on a jump of this size that is not told from a bend."""
+    return [_note("jump_unsure", size=percent(size))]
+
+
 def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> Notes:
     """Return a note on orders with a map of their own that no kink or jump shows."""
     found = []

@@ -29,7 +29,13 @@ from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.exchanges import Exchange, exchanges_of, steps_of
 from hopdata.maps.verdict.growth import Growth, growth
 from hopdata.maps.verdict.inputs import LEAST_CLASS, WINDOW, SectionLandings
-from hopdata.maps.verdict.saturation import AtContact, Lasting, at_contact, lasts
+from hopdata.maps.verdict.saturation import (
+    AtContact,
+    Lasting,
+    at_contact,
+    beside_bends,
+    lasts,
+)
 from hopdata.maps.verdict.smooth import (
     Fit,
     Shapes,
@@ -198,6 +204,31 @@ class KinkFit:
         instants = landings.expected[self.rows]
         rest = landings.unforetold.total
         return at_contact(smooth, self.shown, self.seen, instants, rest)
+
+    def jumps_beside_bends(self, landings: SectionLandings) -> tuple["KinkFit", ...]:
+        """Return the jumps as they stand beside bends: see `saturation.beside_bends`.
+
+        There are none if no steps can be fitted.
+        """
+        jumps = self.jumps
+        if self.smooth is None or self.shown is None or self.faint is None:
+            return ()
+        if jumps is None or jumps.shown is None:
+            return ()
+        smooth = self.smooth.and_also(np.column_stack([self.shown, self.faint]))
+        instants = landings.expected[self.rows]
+        rest = landings.unforetold.total
+        number = len(self.scores)
+        found = []
+        for fit in beside_bends(smooth, jumps.shown, instants, rest):
+            beside = replace(
+                jumps,
+                coefficients=fit.coefficients,
+                scores=_of_all(fit.scores, self.rows, number),
+                null_scores=_of_all(fit.null_scores, self.rows, number),
+            )
+            found.append(beside)
+        return tuple(found)
 
     def growth(self, landings: SectionLandings) -> Growth | None:
         """Return how the difference grows with the time between contacts.

@@ -13,12 +13,17 @@ slope at the simultaneous contact.
 Jumps, and kinks too faint to be fitted, look like saturation of the kinks that are
 fitted. Both stand beside these terms, so that they are not taken for it.
 
+What saturates looks like a jump, too: an effect that a foot has only while it is late
+is half a kink and half a bend, tau tanh(d / tau), whose ends are as far apart as those
+of a step. Where kinks saturate, a jump therefore has to stand beside such bends
+(`mean_bends`).
+
 A kink that is spent much faster than the contacts lie apart looks like nothing. `lasts`
 says from which time constant on a bound over the landings is one at the simultaneous
 contact, too.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -146,7 +151,17 @@ def saturated(duration: FloatArray, time_constant: float) -> FloatArray:
     return np.asarray(time_constant * np.tanh(duration / time_constant))
 
 
-def mean_saturated(instants: FloatArray, rest: FloatArray) -> list[FloatArray]:
+def differences(instants: FloatArray) -> FloatArray:
+    """Return how much later the first foot of each pair touches, (n, pairs)."""
+    pairs = combinations(instants.T, 2)
+    return np.column_stack([a - b for a, b in pairs])
+
+
+def mean_saturated(
+    instants: FloatArray,
+    rest: FloatArray,
+    times: Callable[[FloatArray], FloatArray] = durations,
+) -> list[FloatArray]:
     """Return the saturated durations (n, D) for each of `TIME_CONSTANTS`.
 
     They are averaged over what is not foretold of the contact instants.
@@ -157,14 +172,40 @@ def mean_saturated(instants: FloatArray, rest: FloatArray) -> list[FloatArray]:
         (n, feet) expected contact instants, in contact spreads.
     rest
         (feet, feet) covariance of what is not foretold of them.
+    times
+        Function of the instants that returns what saturates.
     """
     moved = moved_instants(instants, rest)
-    lengths = durations(moved.reshape(-1, len(rest)))
+    lengths = times(moved.reshape(-1, len(rest)))
     means = []
     for time_constant in TIME_CONSTANTS:
         terms = saturated(lengths, time_constant)
         means.append(terms.reshape(*moved.shape[:2], -1).mean(axis=1))
     return means
+
+
+def beside_bends(
+    smooth: Smooth, steps: FloatArray, instants: FloatArray, rest: FloatArray
+) -> tuple[Fit, ...]:
+    """Return steps (n, K) fitted beside bends, for each of `TIME_CONSTANTS`.
+
+    A bend is the saturated difference of the instants of two feet: it is smooth where
+    they exchange their order, and constant where they are far apart.
+
+    Parameters
+    ----------
+    smooth
+        Smooth terms, with the kinks among them.
+    steps
+        Steps as the outcomes show them.
+    instants, rest
+        As for `mean_saturated`.
+    """
+    found = []
+    for columns in mean_saturated(instants, rest, differences):
+        distinct = Shapes(columns, columns).visible(smooth, LEAST_TERM)
+        found.append(fit_beside(smooth.and_also(columns @ distinct), steps))
+    return tuple(found)
 
 
 def moved_instants(instants: FloatArray, rest: FloatArray) -> FloatArray:

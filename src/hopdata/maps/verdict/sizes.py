@@ -1,6 +1,6 @@
 """The sizes of a study: of kinks, jumps and each pair, from the same random signs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict import comparison as comparing
@@ -12,6 +12,7 @@ from hopdata.maps.verdict.effect import AtContact, EffectSize
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit, err_alike
 from hopdata.maps.verdict.own_maps import own_maps
+from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.maps.verdict.signs import Draws, level_of, signed_errors
 
 
@@ -20,7 +21,8 @@ class Sizes:
     """The sizes of a study, the levels of their tests, and the size of each pair.
 
     `orders` has the pairs, then each order against all others; `alone` is the order
-    that alone differs, or empty.
+    that alone differs, or empty. `jump_unsure` tells whether a jump was found that may
+    be a bend.
     """
 
     effect: EffectSize
@@ -29,6 +31,7 @@ class Sizes:
     levels: dict[str, float]
     orders: list[which.PairEffect]
     alone: str
+    jump_unsure: bool = False
 
 
 def sizes_of(
@@ -82,6 +85,61 @@ def sizes_of(
     own = own_maps(fit, landings, comparison, options, alike=alike)
     every = [*of_pairs, *own.effects]
     return Sizes(effects[0], jump, alike, levels, every, own.alone)
+
+
+def without_unsure_jump(
+    sizes: Sizes,
+    saturation_p_value: float,
+    fit: KinkFit,
+    landings: SectionLandings,
+    comparison: Comparison,
+    options: Options,
+) -> Sizes:
+    """Return the sizes without a jump that is not told from a bend, if any.
+
+    Where the random signs show that kinks saturate, a jump has to stand beside bends of
+    each time constant, too. If it does not, the low ends of all jumps are zero, and no
+    p-value is below that of the jump beside the bends.
+    """
+    jump = sizes.jump
+    if jump is None or saturation_p_value >= LEVEL:
+        return sizes
+    if jump.low <= 0.0 and not any(_is_jump_found(pair) for pair in sizes.orders):
+        return sizes
+    p_value = _beside_bends(fit, landings, comparison, options)
+    if p_value < level_of(options.confidence):
+        return sizes
+    orders = []
+    for pair in sizes.orders:
+        told = pair
+        if pair.of == which.OF_JUMP:
+            told = replace(pair, low=0.0, p_value=max(pair.p_value, p_value))
+        orders.append(told)
+    unsure = replace(jump, low=0.0, p_value=max(jump.p_value, p_value))
+    return replace(sizes, jump=unsure, orders=orders, jump_unsure=True)
+
+
+def _is_jump_found(pair: which.PairEffect) -> bool:
+    return pair.of == which.OF_JUMP and pair.low > 0.0
+
+
+def _beside_bends(
+    fit: KinkFit,
+    landings: SectionLandings,
+    comparison: Comparison,
+    options: Options,
+) -> float:
+    """Return the largest p-value of the jumps beside bends of all time constants."""
+    fits = fit.jumps_beside_bends(landings)
+    root = comparing.squared_jump(fit, landings, comparison)
+    alike = any(err_alike(one.scores @ root.T) for one in fits)
+    generator = named_generator(options.seed, "verdict", "jump")
+    errors = signed_errors(fits, options.flips, generator, alike=alike)
+    p_values = [
+        Draws(one, root, signed, alike=alike).p_value(one.allowed)
+        for one, signed in zip(fits, errors, strict=True)
+    ]
+    return max(p_values)
 
 
 def at_contact(

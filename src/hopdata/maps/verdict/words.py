@@ -9,7 +9,7 @@ from typing import Any
 from hopdata.errors import require_choice
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.effect import MOST_LANDINGS, EffectSize
-from hopdata.messages import Message
+from hopdata.messages import Message, in_per_cent
 
 DIFFERENT = "different"
 
@@ -207,9 +207,8 @@ def contacts_said(landings: inputs.SectionLandings) -> Message:
 
 
 def percent(share: float) -> str:
-    """Return a share in per cent, to two digits."""
-    two_digits = float(f"{100 * share:.2g}")
-    return f"{two_digits:g} %"
+    """Return a share in per cent, to two digits or whole: see `in_per_cent`."""
+    return f"{in_per_cent(share):g} %"
 
 
 def in_spreads(time_constant: float) -> str:
