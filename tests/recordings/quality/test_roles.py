@@ -129,6 +129,31 @@ def test_heels_and_toes_of_two_sides_may_be_on_one_foot_each():
         assert of_one_side(legs, legs) == {}
 
 
+@pytest.mark.parametrize(("above_m", "is_used"), [(0.0, True), (0.06, False)])
+def test_left_and_right_foot_have_the_same_markers(above_m, is_used):
+    # One heel never stays where it is lowest.
+    names = STYLES["plug-in gait"]
+    positions = jumping(3, jumps=2)
+    heel = names.index("RHEE")
+    positions[:, heel, 2] += above_m + 0.05 * (np.arange(len(positions)) % 3)
+    found = roles(positions, names)
+    assert {"LHEE", "LTOE", "RTOE"} <= {*found.feet}
+    assert ("RHEE" in found.feet) == is_used
+    assert ("RHEE as on the other foot" in str(found.reasons["feet"])) == is_used
+    told = "RHEE does not come down to rest as LHEE does"
+    assert (told in str(found.reasons["unused"])) != is_used
+
+
+def test_feet_that_are_all_of_one_side_need_no_counterparts():
+    names = STYLES["plug-in gait"]
+    positions = jumping(3, jumps=3)
+    # The left leg is held up, but for the standing before.
+    held = np.arange(len(positions)) > 40
+    positions[held, 4:10, 2] += 0.3
+    found = roles(positions, names)
+    assert {name[0] for name in found.feet} == {"R"}
+
+
 def bent(positions, by_m):
     """Move both heels along x against their feet, as far as `by_m`, all the time."""
     moved = positions.copy()

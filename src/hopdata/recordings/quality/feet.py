@@ -99,8 +99,12 @@ def guess_feet(
     """
     markers = inspection.markers
     names = named_parts(tuple(markers))
+    added: set[int] = set()
     if names.settles_feet:
         groups = _with_named_feet(groups, names)
+    if names.is_human:
+        added = _of_the_other_side(groups, inspection) - others
+        groups = [_with_counterparts(group, added, names) for group in groups]
     group = _most_telling(groups, inspection) if groups else []
     rivals = [other for other in groups if not set(other) & set(group)]
     if len(group) < LEAST_FEET and names.settles_feet:
@@ -110,7 +114,8 @@ def guess_feet(
 
     on_sole, of_one_part = _on_the_sole(group, inspection)
     parts = [
-        *_how_they_rest(on_sole, rests),
+        *_how_they_rest([m for m in on_sole if m not in added], rests),
+        _for_both_sides([markers[m] for m in on_sole if m in added]),
         of_one_part,
         _left_out(group, groups, markers),
     ]
@@ -132,6 +137,55 @@ def _with_named_feet(groups: list[list[int]], names: NamedParts) -> list[list[in
         return named
     named = [group for group in named if len(feet & set(group)) >= LEAST_FEET]
     return sorted(named, key=lambda group: (-len(feet & set(group)), group))
+
+
+def counterparts(m: int, names: NamedParts) -> list[int]:
+    """Return the markers on the same place of the other foot, by name."""
+    of_other_side = {"l": "r", "r": "l"}.get(names.sides[m])
+    if names.role(m) != "foot" or of_other_side is None:
+        return []
+    place = names.place_on_limb(m)
+    return [
+        k
+        for k in names.feet
+        if names.sides[k] == of_other_side and names.place_on_limb(k) == place
+    ]
+
+
+def _of_the_other_side(groups: list[list[int]], inspection: Inspection) -> set[int]:
+    """Return markers that no group has, though one has the same place opposite.
+
+    Only where both feet land in a group, and if they come down as low: a gap or noise
+    may hide that such a marker rests. So left and right feet are defined alike.
+    """
+    names = named_parts(tuple(inspection.markers))
+    landing = {m for group in groups for m in group}
+    low_m = lowest(inspection.positions[:, :, 2])
+    reach_m = SOLE_M * scale_of_all(inspection.positions)
+    found = set()
+    for group in groups:
+        if not {"l", "r"} <= {names.sides[m] for m in group}:
+            continue
+        for m in group:
+            for k in counterparts(m, names):
+                if k not in landing and low_m[k] < low_m[m] + reach_m:
+                    found.add(k)
+    return found
+
+
+def _with_counterparts(
+    group: list[int], added: AbstractSet[int], names: NamedParts
+) -> list[int]:
+    """Return a group with those of the added markers that are opposite to its own."""
+    opposite = {k for m in group for k in counterparts(m, names)}
+    return sorted({*group, *(opposite & added)})
+
+
+def _for_both_sides(added: list[str]) -> Message | None:
+    """Report markers that are feet because their counterparts are."""
+    if not added:
+        return None
+    return Message("recordings.feet_for_both_sides", {"markers": ", ".join(added)})
 
 
 def _by_name_alone(
