@@ -39,7 +39,8 @@ def test_the_true_difference_of_a_simulation_stands_beside_the_estimate():
     truth = {"verdict_true_effect": {"value": 0.0512, "unit": "1", "what": ""}}
     facts = verdict_facts(verdict(), truth)
     assert facts["true"] == "5.1\u00a0%"
-    assert facts["remark"].endswith("; true in this simulation: 5.1\u00a0%")
+    at = "at the simultaneous contact nearest to the mean landing"
+    assert facts["remark"].endswith(f"; {at}, true in this simulation: 5.1\u00a0%")
     page = Page(build_report(full_study(truth=truth)))
     assert "true in this simulation: 5.1 %" in page.text
     assert (
