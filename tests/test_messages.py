@@ -30,6 +30,16 @@ def test_a_message_is_put_into_words_last(rooms):
     assert Message("room.few", {"n": 4, "wanted": 30}) != few
 
 
+def test_large_numbers_have_no_exponent(rooms):
+    folder = messages.PACKAGE / "room" / "messages.toml"
+    folder.write_text('error = "{ms:.2g} ms"\n')
+    messages._templates.cache_clear()
+    told = {value: str(Message("room.error", {"ms": value})) for value in (0.43, 128.0)}
+    assert told == {0.43: "0.43 ms", 128.0: "130 ms"}
+    assert messages.without_exponent(-1234.0) == "-1200"
+    assert messages.without_exponent(1e-7) == "1e-07"
+
+
 def test_a_sentence_that_a_language_lacks_is_said_in_english(rooms):
     few = Message("room.few", {"n": 3, "wanted": 30})
     assert (

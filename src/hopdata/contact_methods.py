@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import pd
 from hopdata.errors import counted
 from hopdata.landings.contacts.joined import parts_of_feet
-from hopdata.messages import Message
+from hopdata.messages import Message, without_exponent
 from hopdata.recording import Recording
 from hopdata.report.methods import CITED, Methods, references
 
@@ -93,15 +93,16 @@ def _of_contacts(table: pd.DataFrame, n_landings: int) -> Iterator[Message]:
     yield Message("report.contacts_timed", values)
     if len(timed):
         values = {
-            "median_ms": f"{1e3 * timed['se_s'].median():.2g}",
-            "most_ms": f"{1e3 * timed['se_s'].max():.2g}",
+            "median_ms": without_exponent(1e3 * timed["se_s"].median()),
+            "most_ms": without_exponent(1e3 * timed["se_s"].max()),
         }
         yield Message("report.contacts_errors", values)
     common_s = timed.groupby("foot", sort=False)["common_s"].max()
     common_s = common_s[np.isfinite(common_s.astype(float))]
     if len(common_s):
         each = [
-            f"{1e3 * error_s:.2g} ms ({foot})" for foot, error_s in common_s.items()
+            f"{without_exponent(1e3 * error_s)} ms ({foot})"
+            for foot, error_s in common_s.items()
         ]
         yield Message("report.contacts_common", {"each": ", ".join(each)})
     large = int((timed["remark"] != "").sum())

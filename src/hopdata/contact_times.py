@@ -46,7 +46,7 @@ from hopdata.landings.excluded_spans import (
 )
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
-from hopdata.messages import Lines, Message, Messages
+from hopdata.messages import Lines, Message, Messages, without_exponent
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.plausibility import check_fall
 from hopdata.recordings.writers.contact_events import ContactEvent
@@ -287,7 +287,8 @@ class ContactTimes(Shown):
         n_contacts = counted(len(self.found), "contact")
         told = f"{n_contacts} in {counted(len(self.orders), 'landing')}"
         if len(self.found):
-            told += f", standard error {1e3 * self.median_se_s:.2g} ms (median)"
+            error_ms = without_exponent(1e3 * self.median_se_s)
+            told += f", standard error {error_ms} ms (median)"
             told += self._common_told()
         ordered = self.orders["probability"].notna()
         if ordered.any():
@@ -302,7 +303,7 @@ class ContactTimes(Shown):
         """
         of_feet = self.found.groupby("foot", sort=False)["common_s"].max()
         each = {
-            str(foot): f"{1e3 * common_s:.2g} ms"
+            str(foot): f"{without_exponent(1e3 * common_s)} ms"
             for foot, common_s in of_feet.items()
             if np.isfinite(common_s)
         }
@@ -528,7 +529,7 @@ def _offsets(table: pd.DataFrame, late_ms: pd.Series) -> Message:
         late = f"{foot} {late_ms[own.index].mean():+.1f} ms"
         common_s = float(own["common_s"].max())
         if np.isfinite(common_s):
-            late += f" (common error {1e3 * common_s:.2g} ms)"
+            late += f" (common error {without_exponent(1e3 * common_s)} ms)"
         each.append(late)
     return Message("landings.plate_offsets", {"each": ", ".join(each)})
 

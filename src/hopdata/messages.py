@@ -8,6 +8,7 @@ a sentence to decide something: it compares codes.
 
 from __future__ import annotations
 
+import string
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,6 +20,29 @@ PACKAGE = Path(__file__).parent
 ENGLISH = "en"
 # Ending of the templates for readers of a terminal.
 IN_SHELL = "_in_shell"
+
+
+# Size from which digits no longer stand for themselves, as in 1e+20.
+_HUGE = 1e15
+
+
+def without_exponent(value: float, digits: int = 2) -> str:
+    """Write a number to some digits, as a reader would: 130 and not 1.3e+02."""
+    return _WORDS.format_field(float(value), f".{digits}g")
+
+
+class _Words(string.Formatter):
+    """Puts values into templates, large numbers without an exponent."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """Write one value."""
+        text = str(super().format_field(value, format_spec))
+        if format_spec.endswith("g") and "e+" in text and abs(value) < _HUGE:
+            return f"{float(text):.0f}"
+        return text
+
+
+_WORDS = _Words()
 
 
 @dataclass(frozen=True)
@@ -50,7 +74,7 @@ class Message:
         words = {}
         for name, value in self.values.items():
             words[name] = value.text(language) if isinstance(value, Message) else value
-        return _template(self.code, language).format_map(words)
+        return _WORDS.vformat(_template(self.code, language), (), words)
 
     def to_dict(self) -> dict[str, Any]:
         """Return code, values and the English sentence, for JSON."""

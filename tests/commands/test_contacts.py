@@ -245,6 +245,8 @@ def test_a_study_that_stopped_for_want_of_landings_gets_its_contacts(tmp_path, c
     assert write_few(few_landings(tmp_path, 130), folder)
     told = capsys.readouterr().out
     assert "too few landings for maps and a verdict: 2 found, at least 3" in told
+    assert "maps need at least 3 landings: record more" in told
+    assert "set sections" not in told
     assert len(pd.read_csv(folder / "tables" / "contacts_orders.csv")) == 2
     assert "too few landings" in (folder / "contacts.html").read_text("utf-8")
 

@@ -200,3 +200,12 @@ def test_values_of_another_kind_are_told_in_one_line(
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_the_answer_of_a_group_is_told_how_a_group_is_planned(tmp_path, capsys):
+    file = tmp_path / "group.json"
+    file.write_text(json.dumps({"conclusion": "different", "members": []}))
+    assert main(["plan", str(file)]) == 1
+    told = capsys.readouterr().err
+    assert "from the verdict.json of one member" in told
+    assert "four times as many halve it" in told

@@ -49,6 +49,14 @@ def test_two_feet_are_told_what_they_cannot_show(feet, needed):
     assert ("Two feet have one kink only" in said) == (feet == 2 and needed is None)
 
 
+def test_landings_left_out_are_named_only_if_some_were():
+    known = no_answer() | {"what_now": [LANDINGS]}
+    for excluded, is_named in ((0, False), (3, True), (None, True)):
+        (found,) = limits(known, excluded=excluded)
+        assert ("that were left out" in str(found.advice)) == is_named
+        assert "ore of the same gait" in str(found.advice)
+
+
 def test_what_stands_already_is_the_bound_if_there_is_one():
     undecided = verdict(conclusion="cannot tell")
     bound = 100 * undecided["effect"]["upper_bound"]

@@ -660,7 +660,7 @@ def _write_page(file: Path, trials: Sequence[Trial], found: ContactTimes) -> Non
 
     names = dict.fromkeys(trial.recording.name for trial in trials)
     title = ", ".join(names)
-    notes = [note for trial in trials for note in trial.notes]
+    notes = _notes_of(trials)
     places = _only_place(trials)
     with terminal.progress_line("drawing the page"):
         page = contacts_html(found, title=title, notes=notes, places=places)

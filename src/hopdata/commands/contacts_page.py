@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.errors import counted
-from hopdata.messages import Message, in_shell
+from hopdata.messages import Message, in_shell, without_exponent
 from hopdata.report.formatting import MISSING, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
@@ -112,12 +112,12 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
         ("Contacts", f"{len(found.found)}", doubt),
     ]
     if len(found.found):
-        error = f"{1e3 * found.median_se_s:.2g} ms"
+        error = f"{without_exponent(1e3 * found.median_se_s)} ms"
         facts.append(("Standard error", error, "of a contact, median"))
         # It belongs to a foot, so that a median over feet would be that of one of them.
         common_s = found.found["common_s"].max()
         if np.isfinite(common_s):
-            common = f"{1e3 * common_s:.2g} ms"
+            common = f"{without_exponent(1e3 * common_s)} ms"
             remark = "at most, shared by all contacts of a foot"
             facts.append(("Common error", common, remark))
     beside = [

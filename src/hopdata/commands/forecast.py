@@ -333,7 +333,9 @@ def describe(
     lines += [f"  note      {remark}" for remark in forecast.contact_remarks]
     if forecast.kinds:
         lines.append(f"  note      {TWO_KINDS} {forecast.kinds}")
-    if len(feet) == MIN_FEET:
+    # Where the forecast itself tells what shows, that counts.
+    is_told = forecast.detectable is not None and forecast.detectable <= 1
+    if len(feet) == MIN_FEET and not is_told:
         lines.append(f"  note      {Message('maps.little_power')}")
     lines.append(f"  verdict   {reach(forecast, config)}")
     for change in changes(forecast, config, recordings):

@@ -14,6 +14,7 @@ from hopdata.commands.values import require_number, values_of
 from hopdata.commands.workflow import run_workflow
 from hopdata.errors import ConfigError
 from hopdata.foreign.texts import json_of
+from hopdata.messages import Message
 
 
 def plan(options: argparse.Namespace) -> int:
@@ -23,6 +24,7 @@ def plan(options: argparse.Namespace) -> int:
     file = options.pilot
     if file.suffix in (".yaml", ".yml"):
         file = _verdict_of(file)
+    _require_study(file)
     landings, feet, power, margin, effect = values_of(
         file, "verdict.json", "n_landings", "n_feet", "power", "margin", "effect"
     )
@@ -94,6 +96,18 @@ def plan(options: argparse.Namespace) -> int:
     if options.figure is not None:
         _draw(options.figure, needed, (landings, detectable), power)
     return OK
+
+
+def _require_study(file: Path) -> None:
+    """Raise an error that says how to plan a group, if the file is a group's.
+
+    Raises
+    ------
+    ConfigError
+    """
+    content = json_of(file, wanted="the verdict.json of a study")
+    if isinstance(content, dict) and "members" in content and "n_feet" not in content:
+        raise ConfigError(str(Message("commands.plan_of_group", {"file": file})))
 
 
 def _sizes(file: Path, effect: Mapping[str, Any]) -> list[float]:

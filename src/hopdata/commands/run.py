@@ -6,7 +6,7 @@ import argparse
 import filecmp
 import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -63,6 +63,10 @@ def run(options: argparse.Namespace) -> int:
         _require_stage(options.until, asked)
         passed += ["--until", options.until]
     passed += options.passed_on
+    # A study of few landings gives their contacts, and that is no error.
+    held: list[str] | None = None
+    if _gives_contacts(asked, is_part=options.until is not None):
+        held = []
     code = run_workflow(
         asked.config,
         asked.study,
@@ -71,11 +75,12 @@ def run(options: argparse.Namespace) -> int:
         snakefile=asked.snakefile,
         if_locked=options.if_locked,
         ended=partial(_tell_early, asked),
+        held=held,
     )
     answers.give(study=asked.study, dry_run=is_dry(passed))
     if code:
         answers.give(log=Path("results", asked.study, "logs", "run.log"))
-        return _contacts_instead(asked, is_part=options.until is not None)
+        return PROBLEM if held is None else _contacts_instead(asked, held)
     if is_dry(passed):
         return OK
     if options.until is not None:
@@ -101,21 +106,28 @@ def _tell_early(asked: _Run, stage: str) -> None:
     print(f"note: {asked.study}: {said}", file=sys.stderr, flush=True)
 
 
-def _contacts_instead(asked: _Run, *, is_part: bool) -> int:
+def _gives_contacts(asked: _Run, *, is_part: bool) -> bool:
+    """Tell whether contacts may be given in place of a study's page."""
+    return asked.snakefile == SNAKEFILE and not asked.target and not is_part
+
+
+def _contacts_instead(asked: _Run, held: Sequence[str]) -> int:
     """Give the contacts of a study that stopped since its landings are too few.
 
-    Return the exit code: 0 if they are given, 1 if something else stopped the study.
+    Return the exit code: 0 if they are given, 1 if something else stopped the study,
+    which the errors that were held back tell.
     """
     from hopdata.commands.contacts_instead import write_few
     from hopdata.config.loading import load_config
 
-    is_study = asked.snakefile == SNAKEFILE and not asked.target
-    if is_part or not is_study:
-        return PROBLEM
+    is_given = False
     try:
         is_given = write_few(load_config(asked.config), Path("results", asked.study))
     except HopdataError:
-        return PROBLEM  # the workflow has told the reason
+        pass  # the workflow has told the reason
+    finally:
+        if not is_given:
+            print("".join(held), end="", file=sys.stderr, flush=True)
     return OK if is_given else PROBLEM
 
 

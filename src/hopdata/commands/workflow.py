@@ -34,6 +34,9 @@ from hopdata.errors import require
 # What is told before the first job, which may take minutes.
 _FIRST = "a first run compiles code, once, for a minute or more"
 
+# What a job's error begins with.
+ERROR = "hopdata: error:"
+
 #: Lines of Snakemake that are shown if it fails and nothing of hopdata says why.
 _LAST_LINES = 12
 
@@ -50,6 +53,7 @@ def run_workflow(
     snakefile: Path = SNAKEFILE,
     if_locked: str = "ask",
     ended: Callable[[str], None] | None = None,
+    held: list[str] | None = None,
 ) -> int:
     """Run Snakemake on a configuration, show progress, and return its exit code.
 
@@ -63,6 +67,8 @@ def run_workflow(
         end; or ``take`` its files over.
     ended
         Is called with the name of a stage after each of its jobs.
+    held
+        Errors of jobs, and the log's name, are put there in place of the terminal.
     """
     wanted = "the workflow"
     require(snakefile.exists(), str(snakefile), wanted, "no file; install hopdata anew")
@@ -89,7 +95,7 @@ def run_workflow(
                 text, event = parted(line)
                 if event is not None:
                     progress.take(event)
-                _take_text(text, said)
+                _take_text(text, said, held)
             code = snakemake.wait()
         except KeyboardInterrupt:
             # Snakemake receives it too, ends its jobs and unlocks the folder.
@@ -107,7 +113,7 @@ def run_workflow(
         told = signal_told(-code, oom_before=oom_before)
         print(f"hopdata: error: Snakemake: {told}", file=sys.stderr)
     elif code:
-        _report_failure(said, log, oom_before)
+        _report_failure(said, log, oom_before, held)
     elif listed:
         answers.give(planned=progress.planned)
         print(plan_told(study, progress.planned))
@@ -210,30 +216,43 @@ def _command(
     return [str(word) for word in command]
 
 
-def _take_text(text: str, said: list[str]) -> None:
-    """Keep what Snakemake or a job has said; show it at once if hopdata says it."""
+def _take_text(text: str, said: list[str], held: list[str] | None) -> None:
+    """Keep what Snakemake or a job has said; show it at once if hopdata says it.
+
+    Unless it is an error that is held back.
+    """
     if not text:
         return
     is_new = text not in said
     said.append(text)
-    if text.startswith("hopdata:") and is_new:
+    if not text.startswith("hopdata:") or not is_new:
+        return
+    if held is not None and text.startswith(ERROR):
+        held.append(text)
+    else:
         print(text, end="", file=sys.stderr, flush=True)
 
 
-def _report_failure(said: Sequence[str], log: Path, oom_before: OomKills) -> None:
+def _report_failure(
+    said: Sequence[str], log: Path, oom_before: OomKills, held: list[str] | None
+) -> None:
     """Say why Snakemake failed, and where all that it said is kept."""
     if _is_refused(said):
         found = f"expected files that are not locked, found: {who_is_at_work()}"
         print(f"hopdata: error: {LOCKS}: {found}", file=sys.stderr)
         return
-    if not any(line.startswith("hopdata: error:") for line in said):
+    if not any(line.startswith(ERROR) for line in said):
         reason = deaths.why(said, oom_before=oom_before)
         if reason:
             print(f"hopdata: error: {reason}", file=sys.stderr)
         else:
             print("".join(said[-_LAST_LINES:]), end="", file=sys.stderr)
     if log.exists():
-        print(f"hopdata: {log}: all that Snakemake said", file=sys.stderr)
+        told = f"hopdata: {log}: all that Snakemake said"
+        if held:
+            held.append(f"{told}\n")
+        else:
+            print(told, file=sys.stderr)
 
 
 def _is_refused(said: Sequence[str]) -> bool:

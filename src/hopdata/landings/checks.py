@@ -18,7 +18,7 @@ from hopdata.errors import counted, with_names
 from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.landings.contacts.remarks import one_for_all_feet
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
-from hopdata.messages import Message
+from hopdata.messages import Message, without_exponent
 
 GOOD = "good"
 LOOK = "look"
@@ -381,7 +381,9 @@ def _common(used: pd.DataFrame) -> list[Message]:
         common_s = float(used[name].median())
         foot = str(name).removeprefix("common_")
         if common_s > float(used[f"se_{foot}"].median()):
-            feet.append(f"{foot.removesuffix('_s')} by {1e3 * common_s:.2g} ms")
+            feet.append(
+                f"{foot.removesuffix('_s')} by {without_exponent(1e3 * common_s)} ms"
+            )
     if not feet:
         return []
     return [Message("landings.and_common", {"feet": ", ".join(feet)})]

@@ -227,7 +227,11 @@ def _of_contacts(inputs: ReportInputs, facts: Mapping[str, Any]) -> list[Message
     alone_ms = _median_ms(used, "se_")
     common_ms = _median_ms(used, "common_")
     if alone_ms:
-        said.append(Message("report.methods_errors", {"errors": _range_of(alone_ms)}))
+        errors = _range_of(alone_ms)
+        code = "report.methods_errors_of_feet"
+        if errors == _range_of(alone_ms[:1]):
+            code = "report.methods_errors"
+        said.append(Message(code, {"errors": errors}))
     if max(common_ms, default=0.0) > 0.0:
         values = {"errors": _range_of(common_ms)}
         said.append(Message("report.methods_common", values))

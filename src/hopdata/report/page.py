@@ -344,7 +344,7 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
         methods=methods(inputs, facts),
-        limits=what_now.limits(inputs.verdict),
+        limits=what_now.limits(inputs.verdict, excluded=facts["n_excluded"]),
         headline=what_now.decisive(inputs.verdict),
         advice=what_now.further_advice(
             inputs.verdict,
@@ -579,7 +579,9 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "recordings": tables.recordings_table(inputs.recordings, inputs.provenance),
         "filled": tables.filled_table(inputs.filled, inputs.touchdowns),
         "floor": tables.floor_table(inputs.floors),
-        "sections": tables.sections_table(inputs.sections),
+        "sections": tables.sections_table(
+            inputs.sections, is_levelled=bool(inputs.floors)
+        ),
         "schedules": tables.schedules_table(inputs.touchdowns),
         "exclusions": tables.exclusions_table(inputs.touchdowns),
         "overlay": tables.agreement_table(inputs.overlay),

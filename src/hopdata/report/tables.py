@@ -121,8 +121,13 @@ def _spread_of_feet(floor: Mapping[str, Any]) -> str:
     return show.fixed((max(known) - min(known)) * 1e3, 2)
 
 
-def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
-    """Return thresholds, sections and the travel between them, then all else."""
+def sections_table(
+    sections: Mapping[str, Any] | None, *, is_levelled: bool = False
+) -> show.Table | None:
+    """Return thresholds, sections and the travel between them, then all else.
+
+    On a floor that was levelled it is said what heights are above.
+    """
     if not sections:
         return None
     decided = sections.get("chosen_by") or {}
@@ -145,7 +150,8 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
         words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
     head = ("quantity", "value", "unit")
-    return show.Table("Thresholds and sections", head, tuple(rows))
+    note = Message("report.sections_zero") if is_levelled else ""
+    return show.Table("Thresholds and sections", head, tuple(rows), note=note)
 
 
 def _leverage_rows(leverage: Mapping[str, Any]) -> list[tuple[str, str, str]]:

@@ -26,6 +26,9 @@ ONE_ORDER = "maps.none_for_one_order"
 # The advice on more landings.
 MORE_LANDINGS = "report.advice_landings"
 
+# The same where none was left out.
+MORE_OF_ALL_USED = "report.advice_landings_all_used"
+
 # The advice on a limit by its cause.
 OF_CAUSE = {
     "landings": MORE_LANDINGS,
@@ -80,10 +83,11 @@ class Limit:
     advice: Message | str
 
 
-def limits(verdict: Verdict | None) -> list[Limit]:
+def limits(verdict: Verdict | None, *, excluded: int | None = None) -> list[Limit]:
     """Return what limits a study that cannot tell, the cause that costs most first.
 
-    Advice that two limits share is given once.
+    Advice that two limits share is given once. Of landings that were left out it is
+    said how to get them back, unless it is known that none was (`excluded` is 0).
     """
     known = verdict or {}
     causes = known.get("what_now") or []
@@ -94,6 +98,8 @@ def limits(verdict: Verdict | None) -> list[Limit]:
         advice: Message | str = ""
         if code in waiting:
             waiting.remove(code)
+            if code == MORE_LANDINGS and excluded == 0:
+                code = MORE_OF_ALL_USED
             advice = Message(code)
         found.append(Limit(told(cause, str(cause.get("said", ""))), advice))
     if not found:

@@ -40,7 +40,7 @@ from hopdata.landings.sections.from_landings import (
 )
 from hopdata.landings.sections.modes import GroundMode, ground_mode
 from hopdata.messages import Message
-from hopdata.recording import Recording
+from hopdata.recording import Recording, place_of
 
 FRAMES = {"all": False, "landings": True}  # whether only frames of landings count
 FEET = ("min_foot", "max_foot")
@@ -57,6 +57,11 @@ LEAST_FRAMES = 5
 #: foot that hardly lands.
 #: Unit: 1. Origin: chosen.
 LEAST_TOUCHES = 0.1
+
+#: Range of the body's height, as a share of the recording's scale, below which feet
+#: that never land together are those of a walk.
+#: Unit: 1. Origin: chosen: a walker's body moves by some 0.03 to 0.06.
+LEAST_BOUNCE = 0.08
 
 #: Share of the landings of two feet beyond which they land together.
 #: Unit: 1. Origin: chosen.
@@ -524,6 +529,15 @@ def _no_landing(
             "first": ", ".join(feet[foot] for foot in groups[0]),
         }
         return AnalysisError(Message("landings.feet_land_in_turn", values))
+    bodies = pooled([one.body for one in material.heights])
+    low_m, high_m = np.nanquantile(bodies, [0.01, 0.99])
+    if touches.max() > 0 and high_m - low_m < LEAST_BOUNCE * material.scale:
+        values = {
+            "descents": descents,
+            "mm": 1e3 * (high_m - low_m),
+            "place": place_of(material.recordings[0]),
+        }
+        return AnalysisError(Message("landings.looks_like_a_walk", values))
     if touches.max() > 0:
         change = "record more, or take feet that hardly land off markers.feet"
     else:
@@ -594,7 +608,7 @@ def _require_hopping(frames: Frames, sections: Sections) -> None:
         n = n_up
         walks = (
             "; a walk, in which some foot is always down, has no landing on several "
-            "feet"
+            "feet: `hopdata contacts` times it"
         )
     else:
         where = "stand on"

@@ -19,6 +19,7 @@ from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.home_frames import HomeFrames, home_frames
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import joined
+from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message
 from hopdata.recording import Recording
 from hopdata.scale import sampled
@@ -124,11 +125,15 @@ def assemble_pairs(  # noqa: PLR0913 (the data, and the options of the states)
         found = "; ".join(
             _why_few(one, rest[rest["recording"] == one.name]) for one in recordings
         )
+        change = "set sections.pre_height_m and sections.post_height_m"
+        n_landed = int((table["reason"] != NO_FOOT_LANDED).sum())
+        if 0 < n_landed < LEAST_PAIRS:
+            # No section makes them more.
+            change = f"maps need at least {LEAST_PAIRS} landings: record more"
         raise AnalysisError(
             f"pairs: expected at least {LEAST_PAIRS} usable touchdowns, found "
             f"{n_pairs or 'none'} with the pre section at {pre_height_m:.4g} m and the "
-            f"post section at {post_height_m:.4g} m ({found}); set "
-            "sections.pre_height_m and sections.post_height_m"
+            f"post section at {post_height_m:.4g} m ({found}); {change}"
         )
     return joined(parts, DESCRIPTIONS)
 
