@@ -144,15 +144,15 @@ def test_forces_of_a_wrong_clock_are_pointed_out(plate, rate_hz, offset_s, said)
             "kN",
             None,
             0.5,
-            "1.5e+04 N on average, where a body of 0.5 m weighs 1.2 to 6.1e+03 N",
+            "15000 N on average, where a body of 0.5 m weighs 1.2 to 6100 N",
         ),
         (
             "N",
             None,
             1.8,
-            "15 N on average, where a body of 1.8 m weighs 57 to 2.9e+05 N",
+            "15 N on average, where a body of 1.8 m weighs 57 to 290000 N",
         ),
-        ("kN", 14.0, 0.5, "on average 1.07e+03 times the body weight"),
+        ("kN", 14.0, 0.5, "on average 1070 times the body weight"),
         ("body_weight", None, 0.5, "on average 15 times the body weight"),
     ],
 )

@@ -13,7 +13,7 @@ from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
 from hopdata.commands import answers, terminal
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.inspecting import listing
-from hopdata.messages import Message
+from hopdata.messages import Message, without_exponent
 from hopdata.recordings.external import (
     ForceSignal,
     read_contact_times,
@@ -394,7 +394,8 @@ def _describe_force(
 ) -> str:
     first_s, last_s = signal.time[[0, -1]].tolist()
     samples = f"{len(signal.time)} samples, {first_s:.3f} to {last_s:.3f} s"
-    most = f"up to {np.nanmax(signal.force):.4g} {signal.unit}"
+    largest = without_exponent(np.nanmax(signal.force), 4)
+    most = f"up to {largest} {signal.unit}"
     of = f"of {', '.join(signal.column.feet)}"
     line = f"  force     {signal.column.name}: {samples}, {most}, {of}"
     line += _misplaced((first_s, last_s), recording_s)
