@@ -343,7 +343,7 @@ def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     one = verdict()
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}
     facts = verdict_facts({**one, "effect": {**one["effect"], **wide}})
-    assert facts["difference"] == "70 (42 to 120)\u00a0%"
+    assert facts["difference"] == "70 (42 to 123)\u00a0%"
 
 
 @pytest.mark.parametrize(

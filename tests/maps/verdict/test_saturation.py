@@ -159,7 +159,8 @@ def test_an_interval_says_what_it_leaves_open_at_the_contact(lasting, brief):
     """Where saturation is found, there is no upper end to be doubled."""
     spreads = lasting.twice_high_from / lasting.contact_spread
     assert 0.1 < spreads < 2.0
-    twice = f"{float(f'{200 * lasting.effect.high:.2g}'):g} %"
+    assert lasting.effect.high > 0.5  # above 100 %, per cent are whole
+    twice = f"{200 * lasting.effect.high:.0f} %"
     words = f"and more than {twice} if it fades within {spreads:.2g} times the spread"
     assert words in lasting.sentence
     assert brief.twice_high_from is None
