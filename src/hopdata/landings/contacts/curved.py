@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import SD_PER_MAD, BoolArray, FloatArray
 from hopdata.landings.contacts.kink import WIDEST, FlightPriors, KinkFits
 from hopdata.landings.contacts.law import FootHeights, Laws, Trials, noises
 from hopdata.landings.contacts.learning import FEW
@@ -48,6 +48,15 @@ LEAST_BEND = 1.0
 #: Unit: 1. Origin: chosen.
 SHARES_OF_SOFTNESS = (0.0, 0.5, 1.0)
 
+#: Length of the heights that are freed of a jerk, over the widest window that a fit
+#: takes before the contact, so that none of its frames is left out.
+#: Unit: 1. Origin: chosen.
+REACH = 1.1
+
+#: Variance of a median over that of a mean, of normal errors.
+#: Unit: 1. Origin: derived: the half of pi.
+OF_MEDIAN = np.pi / 2
+
 #: Standard deviations by which a foot's instants must move together, to exceed chance.
 #: Unit: standard deviations. Origin: chosen.
 MOVES_SIGMAS = 2.0
@@ -75,7 +84,7 @@ def curved_errors(
     told = np.where(np.isfinite(trials.telling(fits)), softly, np.nan)
     some, instant = trials.some(told, JERK_LANDINGS)
     # Instants are earlier by as much as contacts are softer.
-    earlier_s, _ = _means(trials, fits.instant - softly, np.isfinite(told))
+    earlier_s, _ = _medians(trials, fits.instant - softly, np.isfinite(told))
     soft_s = [law.compliance_s for law in laws] + earlier_s.mean(axis=1)
     soft_s = np.maximum(soft_s, 0.0)
     shares = SHARES_OF_SOFTNESS if soft_s.any() else (1.0,)
@@ -128,42 +137,88 @@ class _Bent:
 
 def _with_jerk(some: Trials, instant: FloatArray, free: Laws) -> _Bent:
     """Fit contacts (L, n) with the likeliest jerk of each foot, by Newton's steps."""
-    unit = np.array(
+    jerk = np.zeros((len(free), instant.shape[1]))  # in units of `_unit`
+    for _ in range(NEWTON_STEPS):
+        about = _about(some, instant, free, jerk)
+        jerk = jerk + about.step
+        if np.all(np.abs(about.step) < 1):
+            break
+    by_jerk, _ = _medians(some, about.moves, about.known)
+    moved, by_chance = _medians(some, about.fits.instant - instant, about.known)
+    rest = about.slope - some.at(about.step) * about.bend
+    scatter = _sums(some, rest**2, about.known) / about.total_bend**2
+    jerk_variance = np.maximum(scatter, 1 / about.total_bend)
+    at_step = float((about.step**2 * about.total_bend).sum() / 2)
+    return _Bent(
+        gain=about.likelihood + at_step,
+        shift=moved + about.step * by_jerk,
+        variance=by_chance + jerk_variance * by_jerk**2,
+    )
+
+
+@dataclass(frozen=True)
+class _About:
+    """The log likelihood about a jerk of each foot, in units of `_unit`.
+
+    Parameters
+    ----------
+    fits : KinkFits
+        The contacts (L, n) with this jerk.
+    known : (L, n) bool array
+        Contacts that tell something of it.
+    slope, bend : (L, n) array
+        First derivative of each contact's log likelihood, and its negative second one.
+    moves : (L, n) array
+        How far an instant moves by a unit more, s.
+    total_bend, step : (R, n) array
+        The sum of `bend` over a foot's contacts, and Newton's step from here.
+    likelihood : float
+        Log likelihood of all contacts, but a constant.
+    """
+
+    fits: KinkFits
+    known: BoolArray
+    slope: FloatArray
+    bend: FloatArray
+    moves: FloatArray
+    total_bend: FloatArray
+    step: FloatArray
+    likelihood: float
+
+
+def _about(some: Trials, instant: FloatArray, free: Laws, jerk: FloatArray) -> _About:
+    """Fit contacts (L, n) with a jerk (R, n) of each foot, a unit less, and more."""
+    unit = _unit(some, free)[:, None]
+    less, fits, more = [
+        _bent(some, instant, (jerk + step) * unit).fits(instant, free, widely=True)
+        for step in (-1.0, 0.0, 1.0)
+    ]
+    # The evidence is a sum of squares.
+    variance = 2 * some.at(noises(free))[:, None] ** 2
+    slope = (less.evidence - more.evidence) / (2 * variance)
+    bend = (less.evidence + more.evidence - 2 * fits.evidence) / variance
+    known = np.isfinite(slope) & np.isfinite(bend)
+    total_bend = np.maximum(_sums(some, bend, known), LEAST_BEND)
+    step = _sums(some, slope, known) / total_bend
+    return _About(
+        fits=fits,
+        known=known,
+        slope=slope,
+        bend=bend,
+        moves=(more.instant - less.instant) / 2,
+        total_bend=total_bend,
+        step=np.clip(step, -LONGEST_STEP, LONGEST_STEP),
+        likelihood=float(np.where(known, -fits.evidence / variance, 0.0).sum()),
+    )
+
+
+def _unit(some: Trials, free: Laws) -> FloatArray:
+    """Return the jerk that is tried in each recording (R,), m/s^3."""
+    return np.array(
         [
             BENDS * law.noise_m / feet.windows_s[0] ** 3
             for law, feet in zip(free, some.feet, strict=True)
         ]
-    )
-    variance = 2 * some.at(noises(free))[:, None] ** 2
-    jerk = np.zeros((len(free), instant.shape[1]))  # in these units
-    for _ in range(NEWTON_STEPS):
-        less, fits, more = [
-            _bent(some, instant, (jerk + step) * unit[:, None]).fits(
-                instant, free, widely=True
-            )
-            for step in (-1.0, 0.0, 1.0)
-        ]
-        slope = (less.evidence - more.evidence) / (2 * variance)
-        bend = (less.evidence + more.evidence - 2 * fits.evidence) / variance
-        known = np.isfinite(slope) & np.isfinite(bend)
-        total_bend = np.maximum(_sums(some, bend, known), LEAST_BEND)
-        step = _sums(some, slope, known) / total_bend
-        step = np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-        jerk = jerk + step
-        if np.all(np.abs(step) < 1):
-            break
-    rest = slope - some.at(step) * bend
-    scatter = _sums(some, rest**2, known) / total_bend**2
-    by_jerk, _ = _means(some, (more.instant - fits.instant), known)
-    by_less, _ = _means(some, (fits.instant - less.instant), known)
-    by_jerk = (by_jerk + by_less) / 2
-    moved, variance_of_moved = _means(some, fits.instant - instant, known)
-    likelihood = np.where(known, -fits.evidence / variance, 0.0).sum()
-    gain = likelihood + float((step**2 * total_bend).sum() / 2)
-    return _Bent(
-        gain,
-        moved + step * by_jerk,
-        variance_of_moved + np.maximum(scatter, 1 / total_bend) * by_jerk**2,
     )
 
 
@@ -180,17 +235,18 @@ def _bent(trials: Trials, instant: FloatArray, jerk: FloatArray) -> Trials:
 def _without_jerk(
     feet: FootHeights, instant: FloatArray, jerk: FloatArray
 ) -> FootHeights:
+    """Return the heights of one recording without the jerk (n,) of each foot."""
     heights = feet.heights.copy()
     reach_s = WIDEST * feet.windows_s[0]
     for landing, foot in np.argwhere(np.isfinite(instant)).tolist():
         touch_s = instant[landing, foot]
-        span = slice(*np.searchsorted(feet.time, [touch_s - 1.1 * reach_s, touch_s]))
+        span = slice(*np.searchsorted(feet.time, [touch_s - REACH * reach_s, touch_s]))
         since = feet.time[span] - touch_s
         heights[span, foot] = feet.heights[span, foot] - jerk[foot] * since**3 / 6
     return replace(feet, heights=heights)
 
 
-def _sums(trials: Trials, values: FloatArray, known: FloatArray) -> FloatArray:
+def _sums(trials: Trials, values: FloatArray, known: BoolArray) -> FloatArray:
     """Return each foot's sum in each recording (R, n); in all, where one has few."""
     parts = trials.each(np.where(known, values, 0.0))
     sums = np.stack([own.sum(axis=0) for own in parts])
@@ -199,12 +255,12 @@ def _sums(trials: Trials, values: FloatArray, known: FloatArray) -> FloatArray:
     return sums
 
 
-def _means(
-    trials: Trials, values: FloatArray, known: FloatArray
+def _medians(
+    trials: Trials, values: FloatArray, known: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return medians (R, n) of each foot, and their variances; of all, where few."""
-    means = np.zeros((len(trials.feet), values.shape[1]))
-    variances = np.zeros_like(means)
+    medians = np.zeros((len(trials.feet), values.shape[1]))
+    variances = np.zeros_like(medians)
     for number, own in enumerate(trials.each(np.where(known, values, np.nan))):
         if len(own) < FEW:
             own = np.where(known, values, np.nan)
@@ -213,7 +269,7 @@ def _means(
             if len(each) < 2:
                 continue
             middle = np.median(each)
-            sd = 1.4826 * np.median(np.abs(each - middle))
-            means[number, foot] = middle
-            variances[number, foot] = 1.57 * sd**2 / len(each)
-    return means, variances
+            sd = SD_PER_MAD * np.median(np.abs(each - middle))
+            medians[number, foot] = middle
+            variances[number, foot] = OF_MEDIAN * sd**2 / len(each)
+    return medians, variances
