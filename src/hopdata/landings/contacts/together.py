@@ -15,6 +15,9 @@ from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.judged import Contacts
 from hopdata.landings.contacts.steps import TOGETHER_S
 
+# The row of a foot that was not timed in any row of its landing.
+NO_ROW = -1
+
 # A foot of this state did not land, as far as it was seen.
 IDLE = (descents.ALREADY_DOWN, descents.NOT_LANDED)
 
@@ -55,41 +58,68 @@ def landed_together(
         Of G landings, in order of their begins. A foot that may have landed unseen
         stays with the first contact of its row. A row without any contact is kept.
     """
+    landings = _landings(contacts)
+    landings.sort(key=lambda landing: spans[landing.rows, 0].min())
+    n_feet = contacts.instant.shape[1]
+    picked = np.empty((len(landings), n_feet), dtype=np.int64)
+    status = np.empty_like(picked)
+    ends = np.empty((len(landings), 2))
+    only_feet = np.empty(len(landings), dtype=bool)
+    for number, landing in enumerate(landings):
+        picked[number] = landing.picked
+        status[number] = landing.status
+        ends[number] = spans[landing.rows, 0].min(), spans[landing.rows, 1].max()
+        only_feet[number] = hidden[landing.rows].all()
+    grouped = replace(
+        contacts,
+        instant=_picked(contacts.instant, picked),
+        se=_picked(contacts.se, picked),
+        status=status,
+        down=_picked(contacts.down, picked),
+    )
+    return ends, only_feet, grouped
+
+
+@dataclass(frozen=True)
+class _Landing:
+    """A landing, made from the rows of descents.
+
+    Parameters
+    ----------
+    rows : list of int
+        The rows that it has something of.
+    picked : (n,) int array
+        The row in which each foot was timed; `NO_ROW` if it was not.
+    status : (n,) int array
+        What became of each foot.
+    """
+
+    rows: list[int]
+    picked: IntArray
+    status: IntArray
+
+
+def _landings(contacts: Contacts) -> list[_Landing]:
+    """Return the landings that the instants make, and rows without any contact."""
     groups = _groups(contacts)
-    rows_of = [sorted(set(group.row_of.values())) for group in groups]
     first_group: dict[int, int] = {}
     for number, group in enumerate(groups):
         for row in group.row_of.values():
             first_group.setdefault(row, number)
-    alone = [row for row in range(len(spans)) if row not in first_group]
-    statuses = [
-        _status(group, number, first_group, contacts.status)
-        for number, group in enumerate(groups)
-    ]
-    n_feet = contacts.instant.shape[1]
-    # Row -1 is of nothing: a foot that was not timed in any row of its landing.
-    picked = np.full((len(groups) + len(alone), n_feet), -1)
+    n_rows, n_feet = contacts.instant.shape
+    landings = []
     for number, group in enumerate(groups):
-        for foot, row in group.row_of.items():
-            picked[number, foot] = row
-    picked[len(groups) :] = np.array(alone, dtype=int)[:, None]
-    members = [*rows_of, *([row] for row in alone)]
-    begins = np.array([spans[rows, 0].min() for rows in members])
-    ends = np.array([spans[rows, 1].max() for rows in members])
-    status = np.array([*statuses, *contacts.status[alone]]).reshape(picked.shape)
-    order = np.argsort(begins, kind="stable")
-    picked = picked[order]
-    return (
-        np.stack([begins, ends], axis=1)[order],
-        np.array([hidden[rows].all() for rows in members], dtype=bool)[order],
-        replace(
-            contacts,
-            instant=_picked(contacts.instant, picked),
-            se=_picked(contacts.se, picked),
-            status=status[order].astype(np.int64),
-            down=_picked(contacts.down, picked),
-        ),
-    )
+        picked = np.full(n_feet, NO_ROW)
+        picked[list(group.row_of)] = list(group.row_of.values())
+        rows = sorted(set(group.row_of.values()))
+        first_of = [row for row in rows if first_group[row] == number]
+        status = _status(group, first_of, contacts.status)
+        landings.append(_Landing(rows, picked, status))
+    for row in range(n_rows):
+        if row not in first_group:
+            picked = np.full(n_feet, row)
+            landings.append(_Landing([row], picked, contacts.status[row]))
+    return landings
 
 
 def _groups(contacts: Contacts) -> list[_Group]:
@@ -107,17 +137,18 @@ def _groups(contacts: Contacts) -> list[_Group]:
     return groups
 
 
-def _status(
-    group: _Group, number: int, first_group: dict[int, int], status: IntArray
-) -> IntArray:
-    """Return what became of each foot in a landing, (n,)."""
+def _status(group: _Group, first_of: list[int], status: IntArray) -> IntArray:
+    """Return what became of each foot in a landing, (n,).
+
+    `first_of` are the rows of which this is the first landing: what they say of feet
+    without a contact is said here.
+    """
     own = np.full(status.shape[1], descents.NOT_LANDED)
-    for row in sorted(set(group.row_of.values())):
-        if first_group[row] == number:
-            untimed = ~np.isin(status[row], [*IDLE, descents.LANDED])
-            is_idle = np.isin(own, IDLE)
-            taken = is_idle & (untimed | (status[row] == descents.ALREADY_DOWN))
-            own[taken] = status[row, taken]
+    for row in first_of:
+        may_have_landed = ~np.isin(status[row], [*IDLE, descents.LANDED])
+        tells_more = may_have_landed | (status[row] == descents.ALREADY_DOWN)
+        taken = np.isin(own, IDLE) & tells_more
+        own[taken] = status[row, taken]
     for foot, row in group.row_of.items():
         own[foot] = status[row, foot]
     return own
@@ -127,5 +158,5 @@ def _picked(values: FloatArray, picked: IntArray) -> FloatArray:
     """Return values (L, n) of the rows that are picked for each foot, (G, n)."""
     if not values.size:
         return values
-    none = np.full((1, values.shape[1]), np.nan)
+    none = np.full((1, values.shape[1]), np.nan)  # the last row, which is `NO_ROW`
     return np.take_along_axis(np.concatenate([values, none]), picked, axis=0)
