@@ -359,3 +359,19 @@ def test_orders_that_a_figure_shows_are_not_listed_in_a_sentence(code, told):
     known["messages"]["contacts"]["values"] = values
     assert str(contacts_told(known)) == told
     assert contacts_told({"contacts": "as written"}) == "as written"
+
+
+def test_what_an_interval_leaves_open_is_told_in_milliseconds():
+    one = verdict() | {"conclusion": "different", "twice_high_from": 0.0065}
+    size = {"code": "maps.different", "values": {"compared": "6 contact orders"}}
+    size["values"] |= {"size": "67 %", "where": "", "confidence": "95 %"}
+    size["values"] |= {"low": "42 %", "high": "87 %"}
+    open_end = {"code": "maps.may_be_larger"}
+    open_end["values"] = {"twice": "175 %", "spreads": "0.59"}
+    values = {"different": size, "reservation": open_end}
+    sentence = {"code": "maps.different_reserved", "values": values}
+    told = [str(part) for part in answer({**one, "messages": {"sentence": sentence}})]
+    assert told[0].endswith("(95 % interval 42 % to 87 %).")
+    assert (
+        "more than 175 % if it is spent once contacts are some 6.5\u00a0ms" in told[1]
+    )

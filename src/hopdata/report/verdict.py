@@ -19,8 +19,9 @@ OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
 # An answer of no difference that does not hold of what fades fast.
 AT_CONTACT = "maps.no_difference_at_contact"
 
-# An answer with what it leaves open.
+# An answer with what it leaves open, and one of the things that it may leave open.
 RESERVED = "maps.different_reserved"
+MAY_BE_LARGER = "maps.may_be_larger"
 
 # Facts on how far an answer reaches towards the simultaneous contact.
 REACH = ("margin", "holds_from", "contact_spread")
@@ -94,6 +95,8 @@ def answer(verdict: Verdict) -> list[Message | str]:
     if message.get("code") == RESERVED:
         parts = [message["values"][name] for name in ("different", "reservation")]
         worded_parts = [told(part, "") for part in parts]
+        if parts[1].get("code") == MAY_BE_LARGER:
+            worded_parts[1] = _may_be_larger(verdict, parts[1]["values"])
         if all(worded_parts):
             return worded_parts + _scale(verdict)
     facts = verdict_facts(verdict)
@@ -105,6 +108,12 @@ def answer(verdict: Verdict) -> list[Message | str]:
     values = {name: facts[name] for name in REACH}
     reservation = Message("report.reservation", values)
     return [told(bounded, str(verdict.get("sentence"))), reservation]
+
+
+def _may_be_larger(verdict: Verdict, values: Mapping[str, Any]) -> Message:
+    """Return what an interval over the landings leaves open, in units of time."""
+    within = _milliseconds(verdict["twice_high_from"])
+    return Message("report.may_be_larger", {"twice": values["twice"], "within": within})
 
 
 def _scale(verdict: Verdict) -> list[Message | str]:
