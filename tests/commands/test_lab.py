@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from made_up_hopper import hopping
 from made_up_lab import SUBJECTS, static, trial, write_lab, write_trc
+from scipy.signal import savgol_filter
 from written_files import write_c3d
 
 from hopdata.__main__ import main
@@ -51,7 +52,7 @@ def test_a_lab_becomes_a_group_with_all_its_trials_and_nothing_else(initialised)
     content = read_yaml("config/mylab.yaml")
     assert content["samples"] == "config/mylab.tsv"
     assert content["markers"]["feet"] == ["toe1", "toe2", "toe3"]
-    assert "  6 of 14 files are in the study: trials with landings, each once" in out
+    assert "  6 of 14 files are in the study: trials with landings" in out
     assert "  3 subjects, by folder" in out
 
 
@@ -199,6 +200,21 @@ def test_a_copy_under_another_name_counts_once(folder, capsys):
     told = "left out: z.c3d: the same positions as in a.c3d"
     printed = capsys.readouterr().out
     assert told in printed
+    # A study refuses the same bytes twice, so nothing keeps them.
+    assert "--keep-copies" not in printed
+    assert main(["init", "day", "--force", "--keep-copies"]) == 0
+    assert "2 of 3 files are in the study" in capsys.readouterr().out
+
+
+def test_a_trial_that_was_processed_stays_only_if_asked_for(folder, capsys):
+    raw = trial(1, n_frames=300)
+    write_c3d(folder / "a.c3d", raw)
+    smooth = savgol_filter(raw.positions, 9, 2, axis=0)
+    write_c3d(folder / "smooth.c3d", replace(raw, positions=smooth))
+    write_c3d(folder / "b.c3d", trial(2, n_frames=300))
+    assert main(["init", "day"]) == 0
+    printed = capsys.readouterr().out
+    assert "left out: smooth.c3d: the same trial as in a.c3d, filtered" in printed
     assert "--keep-copies keeps them" in printed
     assert main(["init", "day", "--force", "--keep-copies"]) == 0
     printed = capsys.readouterr().out

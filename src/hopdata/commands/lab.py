@@ -36,8 +36,8 @@ MOST_TRIED = 3
 # Files that are listed on the terminal; the configuration lists all.
 MOST_LISTED = 20
 
-# Reasons to leave a file out that --keep-copies overrides.
-COPIES = ("recordings.lab_twice", "recordings.lab_processed")
+# The reason to leave a file out that --keep-copies overrides.
+PROCESSED = "recordings.lab_processed"
 
 # Columns of the table of samples.
 COLUMNS = ("subject", "session", "recording", "file")
@@ -386,7 +386,7 @@ def _notes(
     if ignored:
         counted = [f"{number} {suffix}" for suffix, number in ignored.items()]
         notes.append(Message("commands.folder_ignored", {"files": ", ".join(counted)}))
-    if any(one.reason.code in COPIES for one in choice.left_out):
+    if any(one.reason.code == PROCESSED for one in choice.left_out):
         notes.append(Message("commands.folder_copies"))
     for one in choice.left_out:
         notes.append(Message("commands.folder_left_out", {"file": one.message()}))

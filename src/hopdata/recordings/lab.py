@@ -57,6 +57,9 @@ AS_LONG = 1.15
 # Names of markers that a reason lists.
 MOST_NAMED = 8
 
+# Why a file is left out that has the positions of another one.
+SAME_POSITIONS = "recordings.lab_twice"
+
 # Which of two files with the same trial is kept, if both are about as long: those that
 # hold plates and events first, and text last.
 _PREFERRED = (".c3d", ".h5", ".hdf5", ".mat", ".trc", ".tsv", ".csv", ".txt")
@@ -166,7 +169,8 @@ def survey(
     rate_hz : float, optional
         Frame rate, for files that state none or a wrong one.
     keeps_copies : bool
-        Whether files that hold the trial of another one stay.
+        Whether files stay that seem to hold the trial of another one, filtered or
+        resampled. Those with the same positions never do: a study refuses them.
     progress : callable
         Called with a description of each step before it begins.
     """
@@ -191,10 +195,8 @@ def survey(
             left_out.append(LeftOut(place, unfit))
             continue
         trials.append(trial)
-    twice: list[LeftOut] = []
-    if not keeps_copies:
-        progress("comparing the files")
-        twice = _duplicates(trials)
+    progress("comparing the files")
+    twice = _duplicates(trials, keeps_processed=keeps_copies)
     left_out += twice
     places_of_twice = {one.place for one in twice}
     kept = tuple(trial for trial in trials if trial.place not in places_of_twice)
@@ -290,13 +292,19 @@ def _unfit(trial: Trial) -> Message | None:
     return None
 
 
-def _duplicates(trials: Sequence[Trial]) -> list[LeftOut]:
-    """Return the trials that another file holds as well, and holds better."""
+def _duplicates(trials: Sequence[Trial], *, keeps_processed: bool) -> list[LeftOut]:
+    """Return the trials that another file holds as well, and holds better.
+
+    With `keeps_processed`, only those with the same positions.
+    """
     in_order = sorted(trials, key=_rank)
     kept: list[Trial] = []
     left_out = []
     for trial in in_order:
-        twin = next(_twins(trial, kept), None)
+        twins = _twins(trial, kept)
+        if keeps_processed:
+            twins = (twin for twin in twins if twin.code == SAME_POSITIONS)
+        twin = next(twins, None)
         if twin is None:
             kept.append(trial)
         else:
@@ -325,7 +333,7 @@ def _twins(trial: Trial, kept: Sequence[Trial]) -> Iterator[Message]:
         )
         if agree == OTHER:
             continue
-        code = "recordings.lab_twice"
+        code = SAME_POSITIONS
         if agree == PROCESSED:
             code = "recordings.lab_processed"
         yield Message(code, {"other": other.place.as_posix()})
