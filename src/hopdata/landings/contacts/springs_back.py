@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import SD_PER_MAD, FloatArray
 
 #: Times after a contact between which a foot may be lowest, one span after the other.
 #: Unit: s. Origin: chosen: a dip that turns after 5 to 40 ms is deepest in one of them.
@@ -27,10 +27,6 @@ LEAST_FRAMES = 3
 #: Depth by which feet must have sunk, in standard errors of its mean over landings.
 #: Unit: standard errors. Origin: chosen: three, and more since four spans are tried.
 CLEARLY = 3.5
-
-#: Scatter of normal values over the median of their distances from the median.
-#: Unit: 1. Origin: derived.
-SIGMA_PER_MAD = 1.4826
 
 #: A dip makes a law at most as soft as the foot falls by it in this share of the time.
 #: Unit: 1. Origin: measured: hard feet that dip (benchmarks/springy_soles.py).
@@ -93,7 +89,7 @@ def springs_back(
                 continue
             sunk_m = (back_m - low_m)[known]
             usual_m = float(np.median(sunk_m))
-            scatter_m = SIGMA_PER_MAD * float(np.median(np.abs(sunk_m - usual_m)))
+            scatter_m = SD_PER_MAD * float(np.median(np.abs(sunk_m - usual_m)))
             least_m = noise_m / np.sqrt(float(np.median(n_low[known])))
             error_m = max(scatter_m, least_m) / np.sqrt(len(sunk_m))
             if usual_m > CLEARLY * error_m:
