@@ -33,7 +33,7 @@ from hopdata.maps.verdict.sizes import (
     Sizes,
     at_contact,
     sizes_of,
-    without_unsure_jump,
+    with_jump_beside_bends,
 )
 from hopdata.maps.verdict.what_now import (
     Limit,
@@ -369,7 +369,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     over_landings = sizes.effect
     contact = at_contact(fit, landings, comparison, over_landings, options)
     effect = contact.size
-    sizes = without_unsure_jump(
+    sizes = with_jump_beside_bends(
         sizes, contact.p_value, fit, landings, comparison, options
     )
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])

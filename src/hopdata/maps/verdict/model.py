@@ -208,7 +208,8 @@ class KinkFit:
     def jumps_beside_bends(self, landings: SectionLandings) -> tuple["KinkFit", ...]:
         """Return the jumps as they stand beside bends: see `saturation.beside_bends`.
 
-        There are none if no steps can be fitted.
+        Those beside the likeliest bends come first. There are none if no steps can be
+        fitted.
         """
         jumps = self.jumps
         if self.smooth is None or self.shown is None or self.faint is None:
