@@ -68,11 +68,11 @@ OF_SPREAD = 2.2
 
 #: Apparent jump that residual smooth terms may cause.
 #: Unit: share of the map. Origin: measured: in other bodies smooth terms leave
-#: about as much (verdict_method.md).
+#: about as much (verdict_fit.md).
 LEFT_OF_JUMPS = 0.05
 
 #: The same where contacts lie far apart, as a share of `KinkFit.allowed`.
-#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS` (verdict_method.md).
+#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS` (verdict_fit.md).
 OF_ALLOWED = 0.1
 
 #: Part of a true difference that smooth terms may hide, as a share of `allowed`.
