@@ -431,15 +431,22 @@ def page() -> str:
     text = [
         "# Constants",
         "",
-        "Every number that steers a detector, an estimate or the verdict, as the comment above",
-        "it states: what it decides, its unit and where it comes from. *Derived*: from other",
-        "numbers or a formula. *Table*: from a published table. *Convention*: of the field.",
-        "*Rounding*: of floating-point numbers. *Measured*: on what is stated. *Chosen*: a plain",
-        "choice. The last column says what a value 1.5 times larger or smaller moves in the",
-        "bundled sample, in its control and in a public recording of a runner.",
-        "`benchmarks/constants.py` of the source measures it; all numbers stand in",
-        "`benchmarks/last_run/constants.csv`. A dash: not tried. *Impossible*: the study ends in",
-        "an error. This page is written by `make docs` from the code.",
+        "After this page you know what each number of the code decides, where it comes from, and",
+        "what it moves.",
+        "",
+        "The last column says what a value 1.5 times larger or smaller moves in the bundled",
+        "sample, in its control and in a public recording of a runner; a dash: not tried.",
+        "*Impossible*: the study ends in an error. `benchmarks/constants.py` of the source measures",
+        "it; all numbers stand in `benchmarks/last_run/constants.csv`.",
+        "",
+        "| origin | the number comes from |",
+        "|---|---|",
+        "| *derived* | other numbers, or a formula |",
+        "| *table* | a published table |",
+        "| *convention* | the field |",
+        "| *rounding* | the rounding of floating-point numbers |",
+        "| *measured* | what is stated beside it |",
+        "| *chosen* | a plain choice |",
         "",
         *measured_where(),
         "",
@@ -462,8 +469,7 @@ def measured_where() -> list[str]:
     named = sum(PLACE.search(one.why) is not None for one in measured)
     return [
         f"Of {len(measured)} measured numbers {named} name the benchmark, test, table or page that",
-        f"has the measurement. The other {len(measured) - named} state what was found and on what data;",
-        "no program of the source makes them again.",
+        "has the measurement; no program of the source makes the others again.",
     ]
 
 
@@ -487,11 +493,11 @@ def summary(rows: Sequence[Moved]) -> list[str]:
         *baselines(usual),
         "",
         f"Of {len(tried)} numbers that were tried, {len(tried) - len(moving)} move nothing in",
-        "these three studies: they decide what is refused or noticed in data that are less",
-        f"sound, or how numbers are rounded. {len(moving) - len(large)} move something that no",
-        f"reader would see. The other {len(large)} change a conclusion, or one of these by more than",
-        f"is said: the number of landings ({SHARE:.0%}), estimate or bound ({PART:.0%} of the bound),",
-        f"a section ({SECTION_MM:g} mm), contact instants (rms; a third of their stated error):",
+        "these studies: they decide what is refused or noticed in less sound data, or how numbers",
+        f"are rounded. {len(moving) - len(large)} move something that no reader would see. These",
+        f"{len(large)} change a conclusion, or one of the following by more than is said: the number",
+        f"of landings ({SHARE:.0%}), estimate or bound ({PART:.0%} of the bound), a section",
+        f"({SECTION_MM:g} mm), contact instants (rms; a third of their stated error).",
         "",
         "| constant | what it moves |",
         "|---|---|",
@@ -512,8 +518,7 @@ def impossible_values(rows: Iterable[Moved]) -> list[str]:
     if not found:
         return []
     text = [
-        "These values are impossible, such as a quantile above 1, or each study is refused",
-        "with them. They count as tried, and as moving nothing:",
+        "With these values a study ends in an error. They count as moving nothing:",
         "",
         "| constant | what a study says |",
         "|---|---|",
@@ -548,8 +553,7 @@ def baselines(usual: dict[tuple[str, str], dict[str, str]]) -> list[str]:
     something else. A row that a constant moves is compared with its own room only.
     """
     text = [
-        "Each room was tried by the code of its day, so a study has two baselines if the verdict",
-        "differs between two days. A trial is compared with the baseline of its own room:",
+        "Rooms were tried on different days. A trial is compared with the baseline of its room:",
         "",
         "| room | study | landings | estimate | bound |",
         "|---|---|---|---|---|",

@@ -28,7 +28,8 @@ PAGES = {
         "../CONTRIBUTING",
     ],
     "Explanation": [
-        "c1", "filter", "verdict", "verdict_method", "verdict_campaign", "contacts_method",
+        "c1", "filter", "verdict", "verdict_method", "verdict_landings", "verdict_fit", "verdict_fading",
+        "verdict_campaign", "contacts_method",
         "prediction", "limits", "comparison", "steering_measured", "dissertation",
         "architecture", "decisions", "reliability",
     ],

@@ -283,12 +283,28 @@ def test_feet_that_never_fly_are_an_error_before_any_forecast(check):
 def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(
     check, monkeypatch
 ):
-    positions = hopping(2, n_frames=6000)[1]
+    positions = hopping(2, n_frames=12_000)[1]
     whole = starting(check(positions)[1], "landings")[0].split()
-    monkeypatch.setattr(forecast, "MOST_FRAMES", 3000)
+    monkeypatch.setattr(forecast, "MOST_FRAMES", 9_600)
     part = starting(check(positions)[1], "landings")[0].split()
     assert part[0] == "about"
     assert int(part[1]) == pytest.approx(int(whole[0]), rel=0.1)
+
+
+def test_a_part_with_too_few_landings_for_a_verdict_is_made_longer(check, monkeypatch):
+    positions = hopping(2, n_frames=12_000)[1]
+    monkeypatch.setattr(forecast, "MOST_FRAMES", 3000)
+    lines = check(positions)[1]
+    (verdict,) = starting(lines, "verdict")
+    assert "expected at least" not in verdict
+    # Without landings enough, all frames are examined, and the numbers are of one count.
+    few = hopping(2, n_frames=6000)[1]
+    monkeypatch.setattr(forecast, "MOST_FRAMES", 1500)
+    lines = check(few)[1]
+    (landings,) = starting(lines, "landings")
+    (verdict,) = starting(lines, "verdict")
+    assert not landings.startswith("about")
+    assert f"found {landings.split()[0]}" in verdict
 
 
 def test_what_is_seen_says_how_near_the_verdict_is():

@@ -35,8 +35,11 @@ from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 TOO_FEW_ORDERS = "maps.too_few_orders"
 TOO_FEW_LANDINGS = "maps.too_few_landings"
 NO_TWO_FEET = "maps.no_two_feet"
+#: Codes of what a part of a study may lack, and the whole of it have.
+CURED_BY_MORE = (TOO_FEW_ORDERS, TOO_FEW_LANDINGS, NO_TWO_FEET)
 
-#: Frames that are examined; of longer studies, the middle of each recording.
+#: Frames that are examined; of longer studies, the middle of each recording. There are
+#: twice as many, and again, as long as they hold too few landings for a verdict.
 #: Unit: frames. Origin: chosen.
 MOST_FRAMES = 60_000
 
@@ -223,6 +226,22 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
         for entry in recording["exclude"]
     )
     most_frames = math.inf if by_number else MOST_FRAMES
+    forecast = _of_frames(config, recordings, most_frames)
+    while forecast.frames_share < 1.0 and _may_be_cured_by_more(forecast):
+        most_frames *= 2
+        forecast = _of_frames(config, recordings, most_frames)
+    return forecast
+
+
+def _may_be_cured_by_more(forecast: Forecast) -> bool:
+    """Return whether the verdict lacks what more frames may hold."""
+    return forecast.stops or forecast.code in CURED_BY_MORE
+
+
+def _of_frames(
+    config: dict[str, Any], recordings: Sequence[Recording], most_frames: float
+) -> Forecast:
+    """Forecast the study of these recordings from `most_frames` of them."""
     parts, share = _parts(recordings, most_frames)
     study = Study(config, tuple(parts))
     candidates = study.mode_schedules().schedules

@@ -314,7 +314,8 @@ SENTENCES = {
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
     "field or the state, or one of them turns another back: the share of each guard, "
     "and therefore the Jacobian of the flow, is unknown. Each order has its own: see "
-    "`first_order.bouligand_derivative` (docs/integrator.md, Is it one smooth map?).",
+    "`first_order.bouligand_derivative` (docs/integrator_reference.md, Is it one "
+    "smooth map?).",
     INSTANTS_IN_JACOBIAN: "The field jumps at {at}, at an instant that moves with the "
     "parameters in more than one way: two such instants meet there, or t_span begins "
     "there. The flow has no derivative by the parameters.",
@@ -349,7 +350,7 @@ SENTENCES = {
 # Added to these where it is so.
 BY_DIFFERENCES = (
     "The Jacobian is in part by finite differences, because these functions do not "
-    "compile for dual numbers: {reasons} (docs/integrator.md, Derivatives)."
+    "compile for dual numbers: {reasons} (docs/gradients.md)."
 )
 UNPROVEN_STEPS = (
     "In {count} steps it is not proven that no guard flips unseen (docs/integrator.md, "
@@ -368,7 +369,7 @@ DEPENDENT_SURFACES = (
     "Where guards that slide depend on each other, as the friction of two bodies on "
     "the ground and on each other, so that two at rest give a third, no mix of fields "
     "keeps all of them: let the others slide only, and cross the third "
-    "(docs/sliding.md, Surfaces must be independent)."
+    "(docs/sliding.md, Limits)."
 )
 HELD_INSTANTS = (
     "The field jumps at {count} known instants of which it cannot be told how they "

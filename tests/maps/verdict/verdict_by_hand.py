@@ -1,6 +1,7 @@
 """The numbers of a verdict, computed by the steps of docs/verdict_method.md.
 
-Only NumPy and SciPy are used. Numbers in docstrings are those of the page's steps.
+Only NumPy and SciPy are used. Numbers in docstrings are those of the steps there and on
+the pages beside it (verdict_landings.md, verdict_fit.md, verdict_fading.md).
 """
 
 from dataclasses import dataclass, replace

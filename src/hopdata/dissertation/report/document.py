@@ -25,14 +25,12 @@ HEAD = (
     "why",
 )
 INTRODUCTION = """\
-After this page you know of each result of the dissertation *C1-Smooth Multi-Contact
-Dynamics for Robotics* what it prints, what the printed method gives here, and what
-hopdata's own method gives. The order is that of the text.
+After this page you know what each result of the dissertation *C1-Smooth Multi-Contact
+Dynamics for Robotics* prints, and what the printed method and hopdata's own give here.
 
-`snakemake --cores 2 dissertation` measures every number, and makes
-`results/dissertation/index.html`, the same table with the figures;
-`make dissertation-docs` then writes this page from it. The key `printed: true` gives a
-study all printed methods together, as in `config/printed.yaml`."""
+`snakemake --cores 2 dissertation` measures every number, and makes the same table with
+figures in `results/dissertation/index.html`. `make dissertation-docs` writes this page
+from it. `printed: true` in a configuration gives a study all printed methods."""
 
 
 def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:

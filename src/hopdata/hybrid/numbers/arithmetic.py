@@ -22,7 +22,7 @@ Pair = tuple[float, float]
 EPS = 2.0**-52
 #: Relative error by which the range of an elementary function is widened.
 #: Unit: 1. Origin: rounding: 4 units in the last place, which is assumed of the C
-#: library (docs/integrator.md, Limits).
+#: library (docs/integrator_proof.md, The assumptions).
 LIBM = 4.0 * EPS
 INF = math.inf
 NAN = math.nan
