@@ -20,8 +20,8 @@ interrupted goes on with those that have no row.
 
 ``verdict_jumps.csv`` has one row for each kind and number of feet, of `LANDINGS`
 landings. `named` is the number of studies whose jump is named (its `low` is above
-zero), and `unsure` that of those with the note that a jump is not told from a bend. Of
-the named, `holds` counts intervals that hold the true size, and `ratio_median` and
+zero), `or_bend` that of the named whose note says that a sharp bend would look the same,
+and `unsure` that of those whose jump is not named for such a bend. Of the named, `holds` counts intervals that hold the true size, and `ratio_median` and
 `ratio_largest` are estimates over true sizes. `saturates` counts studies whose
 difference is said to fade. Seeds below 6000 were used to choose.
 """
@@ -96,6 +96,7 @@ COLUMNS = (
     "seed",
     "conclusion",
     "named",
+    "or_bend",
     "unsure",
     "saturates",
     "true",
@@ -192,6 +193,7 @@ def judged(name: str, feet: int, seed: int) -> list[dict[str, Any]]:
     row["true"] = study.jump
     row["saturates"] = int(verdict.saturates)
     codes = {note["code"] for note in verdict.notes}
+    row["or_bend"] = int("maps.jump_or_bend" in codes)
     row["unsure"] = int("maps.jump_unsure" in codes)
     jump = verdict.jump
     row["named"] = int(jump is not None and jump.low > 0.0)
@@ -208,7 +210,10 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
         named = part[part["named"] == 1]
         row = {"kind": name, "feet": feet, "studies": len(part)}
         row["different"] = int((part["conclusion"] == "different").sum())
-        row |= {key: int(part[key].sum()) for key in ("saturates", "named", "unsure")}
+        row |= {
+            key: int(part[key].sum())
+            for key in ("saturates", "named", "or_bend", "unsure")
+        }
         row["true_median"] = part["true"].median()
         inside = (named["low"] <= named["true"]) & (named["true"] <= named["high"])
         row["holds"] = int(inside.sum())
