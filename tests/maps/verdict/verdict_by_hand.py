@@ -1711,7 +1711,7 @@ def holding_all(numbers):
     return found
 
 
-def only_sure_jumps(jump, rows, beside_bends):
+def only_sure_jumps(jump, rows, beside_bends, saturates):
     """13: the jump and the rows; jumps that are not told from bends have no low end."""
     if jump["low"] <= 0 and not any(r["low"] > 0 for r in rows if r["of"] == "jump"):
         return jump, rows
@@ -1719,6 +1719,8 @@ def only_sure_jumps(jump, rows, beside_bends):
     effect = holding_all(effects)
     pairs = [holding_all(pair) for pair in zip(*of_pairs, strict=True)]
     if effect["low"] > 0 or any(pair["low"] > 0 for pair in pairs):
+        if not saturates:
+            return jump, rows
         told = [pairs.pop(0) if row["of"] == "jump" else row for row in rows]
         return effect, told
     unsure = {"low": 0.0}
@@ -1839,7 +1841,8 @@ def verdict(x, y, instants, seed, **options):
         def beside_bends():
             return jumps_beside_bends(section, fit, m, size, of_steps, levels[1], study)
 
-        jump, rows = only_sure_jumps(jump, rows, beside_bends)
+        saturates = effect["high"] is None
+        jump, rows = only_sure_jumps(jump, rows, beside_bends, saturates)
     spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
     share = effects[0]["upper_bound"] / study.margin
     holds = holds_from(section, fit, share)

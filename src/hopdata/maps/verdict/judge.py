@@ -369,9 +369,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     over_landings = sizes.effect
     contact = at_contact(fit, landings, comparison, over_landings, options)
     effect = contact.size
-    sizes = with_jump_beside_bends(
-        sizes, contact.p_value, fit, landings, comparison, options
-    )
+    sizes = with_jump_beside_bends(sizes, contact, fit, landings, comparison, options)
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
     lasting = fit.lasting(landings)
     spreads = _least(lasting, over_landings.upper_bound / margin)

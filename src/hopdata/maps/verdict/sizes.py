@@ -94,7 +94,7 @@ def sizes_of(
 
 def with_jump_beside_bends(
     sizes: Sizes,
-    saturation_p_value: float,
+    contact: AtContact,
     fit: KinkFit,
     landings: SectionLandings,
     comparison: Comparison,
@@ -103,10 +103,10 @@ def with_jump_beside_bends(
     """Return the sizes with what is left of a jump beside bends.
 
     Where the random signs show that kinks saturate, a jump has to stand beside bends of
-    each time constant, too, and part of what looked like it is theirs. Its size is that
-    beside the likeliest bends, in an interval that holds those beside all. If it does
-    not stand, the low ends of all jumps are zero, and no p-value is below that of the
-    jump beside the bends.
+    each time constant, too. If it does not, the low ends of all jumps are zero, and no
+    p-value is below that of the jump beside the bends. If kinks are found to saturate,
+    part of what looked like the jump is theirs: its size is that beside the likeliest
+    bends, in an interval that holds those beside all.
 
     Where they do not show it, a jump that does not stand may still be one: bends take
     most of the power to find it (of 20 jumps of bodies near the smallest that can be
@@ -122,10 +122,12 @@ def with_jump_beside_bends(
     of_pairs = zip(*(one.pairs for one in beside), strict=True)
     pairs = [_widest(of_pair) for of_pair in of_pairs]
     stands = size.low > 0.0 or any(_is_jump_found(pair) for pair in pairs)
-    if saturation_p_value >= LEVEL:
+    if contact.p_value >= LEVEL:
         return replace(sizes, jump_or_bend=not stands)
     if not stands:
         return _without_jump(sizes, jump, size.p_value)
+    if not contact.saturates:
+        return sizes
     bound = max(one.size.upper_bound for one in beside)
     orders = []
     for pair in sizes.orders:
