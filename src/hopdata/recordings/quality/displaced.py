@@ -81,8 +81,7 @@ def _clearest(
             if ends[0] < between[0] or ends[1] > between[1]:
                 continue
             block = _judged(track, frames, start, length)
-            is_displaced = block is not None and block.size > limit
-            if not is_displaced or block.clearness <= 0.0:
+            if block is None or block.size <= limit or block.clearness <= 0.0:
                 continue
             if best is None or block.clearness > best.clearness:
                 best = block
