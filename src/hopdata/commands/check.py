@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from hopdata.commands.forecast import Forecast
     from hopdata.recording import Recording
 
+# Recordings of a study that are summarised in full; of more, only the first.
+MOST_IN_FULL = 5
+
 
 @one_blas_thread()  # more threads cost more than they gain on small matrices
 def check(options: argparse.Namespace) -> int:
@@ -56,7 +59,9 @@ def check(options: argparse.Namespace) -> int:
                 mistakes.append(_with_line(error, options.config))
                 continue
             if config is first:
-                print("\n".join([_summary(recording, config), *lines]))
+                is_long = not of_first_study or _are_few(config)
+                summary = _summary(recording, config) if is_long else f"{recording}"
+                print("\n".join([summary, *lines]))
                 of_first_study.append(recording)
             else:
                 print(f"study {config['study']}: {recording}")
@@ -77,6 +82,10 @@ def check(options: argparse.Namespace) -> int:
     answers.give(forecast_of=config["study"])
     print(_conclusion(options.config, config, recordings, remarks, len(configs)))
     return terminal.OK
+
+
+def _are_few(config: Mapping[str, Any]) -> bool:
+    return len(config["recordings"]) <= MOST_IN_FULL
 
 
 def _n_frames(recordings: Sequence[Recording]) -> int:

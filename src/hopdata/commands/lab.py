@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import one_blas_thread
 from hopdata.commands import init as of_files
 from hopdata.commands import terminal
-from hopdata.errors import AnalysisError, HopdataError, RecordingError
+from hopdata.errors import AnalysisError, HopdataError, RecordingError, counted
 from hopdata.inspecting.guesses import with_effects
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
@@ -352,8 +352,8 @@ def _write(
 
 def _with_axis_of_others(reference: Reference, choice: Choice) -> Reference:
     """Return the reference with what is up in the files that show it."""
-    n_sure = len(choice.trials) - choice.n_axis_unsure
-    values = {"sure": n_sure, "unsure": choice.n_axis_unsure}
+    n_files = len(choice.trials)
+    values = {"sure": n_files - choice.n_axis_unsure, "files": n_files}
     why = Message("recordings.up_of_most_files", values)
     inspection = replace(reference.inspection, up=Guess(min(choice.ups), why))
     return replace(reference, inspection=inspection)
@@ -439,13 +439,13 @@ def _notes(
     if choice.n_axis_unsure:
         axis = {
             "up": min(choice.ups),
-            "unsure": choice.n_axis_unsure,
+            "unsure": counted(choice.n_axis_unsure, "file"),
             "sure": n_kept - choice.n_axis_unsure,
         }
         notes.append(Message("commands.folder_axis", axis))
     if ignored:
-        counted = [f"{number} {suffix}" for suffix, number in ignored.items()]
-        notes.append(Message("commands.folder_ignored", {"files": ", ".join(counted)}))
+        kinds = [f"{number} {suffix}" for suffix, number in ignored.items()]
+        notes.append(Message("commands.folder_ignored", {"files": ", ".join(kinds)}))
     if any(one.reason.code == PROCESSED for one in choice.left_out):
         notes.append(Message("commands.folder_copies"))
     for one in choice.left_out:

@@ -123,7 +123,8 @@ def read_raw(
         if path.is_dir():
             found = "a folder: name its files one by one"
         elif suffix in OF_ARRAYS:
-            found += f" ({Message('recordings.arrays')})"
+            way_in = Message("recordings.arrays")
+            found += f" ({way_in})"
         wanted = f"a file ending in {', '.join(suffixes())}"
         raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
