@@ -421,10 +421,13 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
     elif effect is not None:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         pair = "report.methods_two_orders"
+        mean = "report.methods_over_orders"
         what = verdict.get("messages", {}).get("compared") or {}
         if what.get("code") == PAIRS_OF_FEET:
             pair = "report.methods_two_feet"
+            mean = "report.methods_over_landings"
         values["pair"] = Message(pair)
+        values["mean"] = Message(mean)
         said.append(Message("report.methods_size", values))
         said += _of_contact(verdict)
     return said

@@ -15,7 +15,11 @@ from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.inputs import two_kinds
 from hopdata.maps.verdict.judge import conclude
-from hopdata.maps.verdict.limits import NOT_FORETOLD_CODE, TWO_KINDS_CODE
+from hopdata.maps.verdict.limits import (
+    ERRORS_UNKNOWN_CODE,
+    NOT_FORETOLD_CODE,
+    TWO_KINDS_CODE,
+)
 from hopdata.maps.verdict.model import LEFT
 from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence
 from hopdata.messages import Message
@@ -563,7 +567,7 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     varied = np.mean((data.instants - data.instants.mean(axis=1, keepdims=True)) ** 2)
     expected = varied / (varied + scatter_s**2 * (1 - 1 / 3))
     assert answer.contacts_r2 == pytest.approx(expected, abs=0.01)
-    (note,) = [note for note in answer.notes if note["code"] == NOT_FORETOLD_CODE]
+    (note,) = [note for note in answer.notes if note["code"] == ERRORS_UNKNOWN_CODE]
     assert f"{100 * answer.contacts_r2:.1f} %" in note["reason"]
     # The same scatter as an error of measurement says nothing of the animal.
     known = verdict(moved, instants_se=np.full(data.instants.shape, scatter_s))

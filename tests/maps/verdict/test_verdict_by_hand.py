@@ -19,7 +19,8 @@ N = 400
 
 
 def _study(data, **more):
-    return {"x": data.before, "y": data.after, "instants": data.instants, **more}
+    study = {"x": data.before, "y": data.after, "instants": data.instants}
+    return study | {"instants_se": np.zeros(data.instants.shape)} | more
 
 
 def _of_legs():

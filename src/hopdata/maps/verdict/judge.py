@@ -26,21 +26,14 @@ from hopdata.maps.verdict import data, inputs, limits
 from hopdata.maps.verdict import orders as which
 from hopdata.maps.verdict.comparison import compared
 from hopdata.maps.verdict.data import Measured, Options
-from hopdata.maps.verdict.effect import AtContact, EffectSize
+from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.preliminary import preliminary
-from hopdata.maps.verdict.saturation import Lasting
-from hopdata.maps.verdict.sizes import (
-    Sizes,
-    at_contact,
-    sizes_of,
-    with_jump_beside_bends,
-)
+from hopdata.maps.verdict.readings import Reading, read
 from hopdata.maps.verdict.what_now import (
     Limit,
     limits_of_reason,
     what_limits_most,
 )
-from hopdata.maps.verdict.window import fit_of_best_window
 from hopdata.maps.verdict.words import (
     ASKED,
     CANNOT_TELL,
@@ -106,7 +99,9 @@ class Verdict(Shown):
         Size of the mean difference over the landings. It is the same as ``effect``
         unless the difference saturates as the contacts come farther apart.
     saturates, saturation_p_value
-        Whether it does, and the p-value of the test for it: see `saturation`.
+        Whether it does, and the p-value of the test for it: see `saturation`. Without
+        standard errors of the instants, whether it would if they had none, or if all
+        that is not foretold were errors.
     contact_spread
         Spread of the contacts: standard deviation of the instants of a landing, rms
         over the landings, in their own unit of time. Of two feet, it is half of how far
@@ -312,9 +307,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         Seed of the study.
     instants_se
         (n, feet) standard errors of the instants, in the same unit; they tell what the
-        states do not foretell of the contacts from what was not measured well. If they
-        are not known (None), all that is not foretold counts as real, which makes
-        intervals wide rather than wrong.
+        states do not foretell of the contacts from what was not measured well. Zero if
+        the instants are exact. If they are not known (None), what is not foretold may
+        be posture or errors. Intervals and bounds then hold for either and are wide,
+        the estimate is that for errors, and a note has both sizes.
     feet
         (n, feet, 3) positions of the feet at the pre section, in the frame and unit of
         `x`; NaN where a foot is not seen. They are inputs of the map where legs have a
@@ -326,7 +322,9 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         the other.
     blocks
         (n,) labels of the blocks (recordings, surfaces, subjects) of the landings; by
-        default all are of one.
+        default all are of one. Two subjects in one table without labels may be called
+        different though each has one smooth map: if one of them leans to another foot,
+        who lands is linked with which foot is first.
     margin
         Relative difference that the study is to exclude.
     confidence, power
@@ -361,23 +359,24 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         sound = measured.sound_landings()
         landings = sound.landings
         comparison = compared(landings, foot_names)
-        fit = fit_of_best_window(landings, comparison)
+        reading = read(
+            landings, comparison, options, errors_known=instants_se is not None
+        )
     except AnalysisError as error:
         return _no_answer(error, measured, options, left_out, foot_names)
 
-    sizes = sizes_of(fit, landings, comparison, options)
+    landings = reading.landings
+    fit = reading.fit
+    sizes = reading.sizes
+    contact = reading.contact
     over_landings = sizes.effect
-    contact = at_contact(fit, landings, comparison, over_landings, options)
     effect = contact.size
-    sizes = with_jump_beside_bends(sizes, contact, fit, landings, comparison, options)
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
-    lasting = fit.lasting(landings)
-    spreads = _least(lasting, over_landings.upper_bound / margin)
+    spreads = reading.least_time_constant(over_landings.upper_bound / margin)
     jump = sizes.jump
 
     answer = _answer(
-        contact,
-        sizes,
+        reading,
         comparison.what,
         measured,
         options,
@@ -387,15 +386,15 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         answer = _with_jump(answer, jump, comparison.what, options)
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
-    limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
+    limited = limits.what_limits(reading, jumps=jumps)
     limited += limits.bends_like_jumps(sizes)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
-        growth = fit.growth(landings)
+        growth = reading.growth()
         limited += limits.grows(growth)
         if not contact.saturates:
             # Twice as large at the contact: half of it shows over the landings.
-            half_shown = _least(lasting, 0.5)
+            half_shown = reading.least_time_constant(0.5)
         fades = limits.fades(growth)
         answer = _reserved(answer, over_landings.high, half_shown, fades=fades)
     if answer.conclusion != DIFFERENT:
@@ -411,10 +410,12 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         messages["main_contrast"] = most
     now: list[Limit] = []
     if answer.conclusion == CANNOT_TELL:
+        # Of the readings that a study cannot tell apart, the last shows least.
+        widest = reading.each()[-1]
         now = what_limits_most(
             over_landings,
-            fit,
-            landings,
+            widest.fit,
+            widest.landings,
             margin=margin,
             alike=sizes.alike,
             saturates=contact.saturates,
@@ -453,13 +454,6 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         what_now=[one.to_dict() for one in now],
         messages=messages,
     )
-
-
-def _least(lasting: Lasting | None, share: float) -> float | None:
-    """Return the time constant of which this share shows, in contact spreads."""
-    if lasting is None:
-        return None
-    return lasting.least_time_constant(share)
 
 
 def _scaled(spreads: float | None, contact_spread: float) -> float | None:
@@ -544,8 +538,7 @@ class _Answer:
 
 
 def _answer(
-    contact: AtContact,
-    sizes: Sizes,
+    reading: Reading,
     what: Message,
     measured: Measured,
     options: Options,
@@ -556,6 +549,8 @@ def _answer(
     The sentence tells the size over the landings. If the difference saturates, that at
     the simultaneous contact is known from below only.
     """
+    contact = reading.contact
+    sizes = reading.sizes
     effect = contact.size
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
     needed = None
@@ -564,7 +559,7 @@ def _answer(
     could_show = outlook(effect, needed, measured.n_known, options.power)
     if contact.saturates:
         code = "maps.outlook_seems_to_fade"
-        if conclusion == DIFFERENT:
+        if conclusion == DIFFERENT and reading.surely_saturates:
             code = "maps.outlook_saturates"
         could_show = Message(code, {"outlook": could_show})
     said = sentence(
@@ -582,7 +577,9 @@ def _answer(
             pair = which.largest_high(sizes.orders, which.OF_MAP)
         said = with_no_more(said, which.largest_high(sizes.orders, which.OF_JUMP), pair)
     if contact.saturates:
-        said = without_upper_end(said, conclusion, effect.low)
+        said = without_upper_end(
+            said, conclusion, effect.low, surely=reading.surely_saturates
+        )
     return _Answer(
         conclusion=conclusion,
         decided_by="effect",

@@ -8,8 +8,9 @@ from hopdata.feet import with_foot_names
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.growth import Growth
-from hopdata.maps.verdict.model import LEFT, KinkFit
+from hopdata.maps.verdict.model import LEFT
 from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
+from hopdata.maps.verdict.readings import Reading
 from hopdata.maps.verdict.signs import IN_A_ROW
 from hopdata.maps.verdict.sizes import Sizes
 from hopdata.maps.verdict.words import percent
@@ -51,6 +52,8 @@ TWO_KINDS_CODE = "maps.two_kinds"
 
 NOT_FORETOLD_CODE = "maps.not_foretold"
 
+ERRORS_UNKNOWN_CODE = "maps.errors_unknown"
+
 #: What the first of these is about, in words.
 TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
@@ -83,14 +86,13 @@ def gross_errors(sound: rows.Sound) -> Notes:
     ]
 
 
-def what_limits(
-    landings: inputs.SectionLandings, fit: KinkFit, alike: bool, *, jumps: bool
-) -> Notes:
+def what_limits(reading: Reading, *, jumps: bool) -> Notes:
     """Return notes on what limits the answer, and on what was done about it.
 
-    `alike` tells whether successive landings err alike, and `jumps` whether a jump
-    decided, beside which sizes of kinks do not matter.
+    `jumps` tells whether a jump decided, beside which sizes of kinks do not matter.
     """
+    landings = reading.landings
+    fit = reading.fit
     notes = []
     share = f"{100 * landings.foretold:.1f} %"
     hidden = int((~landings.kept).sum())
@@ -108,16 +110,32 @@ def what_limits(
     state = inputs.two_kinds(landings.inputs[:, : inputs.STATE])
     if state:
         notes.append(_note("two_kinds", state=Message(f"maps.{state}")))
-    if alike:
+    if reading.sizes.alike:
         notes.append(_note("err_alike", in_a_row=IN_A_ROW))
     if landings.posture is inputs.Posture.USED:
         notes.append(_note("feet_used", share=share))
-    elif landings.foretold < inputs.WELL_FORETOLD:
+    elif landings.foretold < inputs.WELL_FORETOLD and not reading.parts:
         notes.append(_note("not_foretold", share=share))
+    if reading.parts:
+        notes.append(_of_unknown_errors(reading))
     if fit.session:
         change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
+
+
+def _of_unknown_errors(reading: Reading) -> dict[str, Any]:
+    """Return a note on a reading whose parts are of errors and of posture."""
+    of_errors, of_posture = reading.parts
+    name = "errors_unknown"
+    if reading.contact.saturates and not reading.surely_saturates:
+        name = "errors_unknown_fades"
+    return _note(
+        name,
+        share=f"{100 * reading.landings.foretold:.1f} %",
+        of_errors=percent(of_errors.sizes.effect.estimate),
+        of_posture=percent(of_posture.sizes.effect.estimate),
+    )
 
 
 def fades(growth: Growth | None) -> bool:

@@ -88,7 +88,9 @@ def sentence(
     return Message(f"maps.{name}", values)
 
 
-def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
+def without_upper_end(
+    said: Message, conclusion: str, low: float, *, surely: bool = True
+) -> Message:
     """Return the sentence on a difference that saturates, with what holds at contact.
 
     Parameters
@@ -99,10 +101,15 @@ def without_upper_end(said: Message, conclusion: str, low: float) -> Message:
         One of `DIFFERENT` and `CANNOT_TELL`.
     low
         Low end of the size at the simultaneous contact.
+    surely
+        Whether it saturates whatever the errors of the contact instants are.
     """
     if conclusion == CANNOT_TELL:
         return Message("maps.cannot_tell_at_contact", said.values)
-    at_contact = Message("maps.no_upper_end", {"low": percent(low)})
+    code = "maps.no_upper_end_unsure"
+    if surely:
+        code = "maps.no_upper_end"
+    at_contact = Message(code, {"low": percent(low)})
     return with_reservation(said, at_contact)
 
 
