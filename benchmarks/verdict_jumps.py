@@ -20,8 +20,9 @@ interrupted goes on with those that have no row.
 
 ``verdict_jumps.csv`` has one row for each kind and number of feet, of `LANDINGS`
 landings. `named` is the number of studies whose jump is named (its `low` is above
-zero), `or_bend` that of the named whose note says that a sharp bend would look the same,
-and `unsure` that of those whose jump is not named for such a bend. Of the named, `holds` counts intervals that hold the true size, and `ratio_median` and
+zero), `or_bend` that of the named whose note says that a sharp bend would look the
+same, and `unsure` that of those whose jump is not named for such a bend. Of the named,
+`holds` counts intervals that hold the true size, and `ratio_median` and
 `ratio_largest` are estimates over true sizes. `saturates` counts studies whose
 difference is said to fade. Seeds below 6000 were used to choose.
 """
