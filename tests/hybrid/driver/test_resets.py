@@ -375,7 +375,7 @@ def onto_line(t, y, mode, params, guard, direction):
         ((0.5, 0.0), False),  # one start alone: its neighbours miss the line
         ((0.499, 0.0), True),
         ((0.501, 0.0), True),
-        ((0.0, 1.0), False),  # those that are beyond by rounding set no mode
+        ((0.0, 1.0), True),  # all set the mode as they cross it
     ],
 )
 def test_a_reset_that_puts_the_state_onto_another_surface(params, exists, compiled):
@@ -391,6 +391,7 @@ def test_a_reset_that_puts_the_state_onto_another_surface(params, exists, compil
         return
     right = differences(system, (0, 1.5), [0.0, -0.5], **options)
     assert gap(found.jacobian, right) < 1e-9
+    assert found.mode[2] == params[1]
 
 
 @guards

@@ -360,26 +360,15 @@ def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool
 
 
 @kernel
-def has_changed_mode(p: problem.Problem) -> bool:
-    """Return whether the last handler has changed the mode or the memory."""
-    after = p.mode.width + p.params.width
-    changed = 0
-    for i in range(after):
-        changed += 1 if p.kept[i] != p.kept[after + i] else 0
-    return changed > 0
-
-
-@kernel
-def all_follow(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
+def all_follow(m: Memory, k: int, margin: float, resolution: float) -> bool:
     """Return whether the neighbours do what guard k, put onto its surface, has done.
 
-    They are on its surface as well, or off it on either side by less than counts. So
-    they must slide along it, or else cross it with a handler that does nothing.
+    Their locks are those of this run, and they are off the surface by less than counts.
+    So they flip as well, unless the guard neither slides nor crosses. `margin` is its
+    rate away from the surface.
     """
-    if not on_surface(m, k, resolution):
-        return True  # it slides: its value is set apart
-    crosses = problem.margin_of(p, m, k, at.RATE0) > 0.0
-    return crosses and (p.on_event == 0 or not has_changed_mode(p))
+    slides = not on_surface(m, k, resolution)  # its value is set apart
+    return slides or margin > 0.0
 
 
 @kernel_apart
@@ -404,7 +393,8 @@ def saltate_after(
         since_entry = m.counts[at.JUMPS] > m.counts[at.JUMPS_AT_ENTRY]
         known = known and not since_entry and not turns_back(p, m, k, resolution)
     elif kind == PUT:
-        known = known and not jumped and all_follow(p, m, k, resolution)
+        margin = problem.margin_of(p, m, k, at.RATE0)
+        known = known and not jumped and all_follow(m, k, margin, resolution)
     if known:
         return at.RUNNING
     return at.TIE_IN_JACOBIAN
