@@ -193,6 +193,31 @@ def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(
     assert f"{files[1]}: vertical axis z: expected" in told.err
 
 
+def test_of_a_group_the_longest_study_is_foretold(tmp_path, monkeypatch, capsys):
+    table, config = tmp_path / "group.tsv", tmp_path / "group.yaml"
+    rows = ["subject\tfile"]
+    for subject, n_frames in (("ant", 300), ("bee", 600), ("cat", 400)):
+        (tmp_path / subject).mkdir()
+        file = export(tmp_path / subject, hopping(1, n_frames=n_frames)[1])
+        rows.append(f"{subject}\t{file}")
+    table.write_text("\n".join(rows) + "\n")
+    markers = "markers: {body: [hip1, hip2, hip3], feet: [toe1, toe2, toe3]}"
+    config.write_text(f"study: all\nsamples: {table}\n{markers}\n")
+    foretold = []
+
+    def foretell(of_study, recordings):
+        foretold.append((of_study["study"], len(recordings[0].time)))
+        return "it is too short"
+
+    monkeypatch.setattr("hopdata.commands.check._foretell", foretell)
+    assert main(["check", str(config)]) == 0
+    assert foretold == [("bee", 600)]
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.endswith(
+        "it is too short (forecast of bee, the longest of its 3 studies)"
+    )
+
+
 def test_the_bundled_study_is_checked_outside_a_clone(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["check", "config/quadruped.yaml"]) == 0

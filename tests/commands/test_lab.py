@@ -17,6 +17,7 @@ from hopdata.__main__ import main
 from hopdata.commands.lab import _unfit
 from hopdata.config.loading import load_config, read_yaml
 from hopdata.recording import Recording
+from hopdata.recordings.quality import orientation
 from hopdata.samples import read_group
 
 
@@ -141,6 +142,43 @@ def test_files_with_y_up_and_with_z_up_are_read_each_along_its_own(folder):
     config = load_config("config/day.yaml")
     assert len(config["recordings"]) == 2
     assert config["input"]["vertical_axis"] == "auto"
+
+
+def test_files_that_do_not_show_what_is_up_take_it_from_the_others(
+    folder, monkeypatch, capsys
+):
+    for k, n_frames in enumerate((300, 310, 301)):
+        write_trc(folder / f"jump{k}.trc", trial(k, n_frames=n_frames))
+    guessed = orientation.guess_unit_and_up
+
+    def unsure_in_the_last(raw, **options):
+        unit, up = guessed(raw, **options)
+        return unit, replace(up, is_sure=len(raw.time) != 301)
+
+    monkeypatch.setattr(orientation, "guess_unit_and_up", unsure_in_the_last)
+    assert main(["init", "day"]) == 0
+    assert "what is up is not clear in 1 file: taken as y" in capsys.readouterr().out
+    config = load_config("config/day.yaml")
+    assert len(config["recordings"]) == 3
+    assert config["input"]["vertical_axis"] == "y"
+
+
+def test_files_that_do_not_show_what_is_up_are_left_out_where_others_disagree(
+    folder, monkeypatch, capsys
+):
+    write_c3d(folder / "a.c3d", trial(1, n_frames=300))
+    write_trc(folder / "b.trc", trial(2, n_frames=300))
+    write_trc(folder / "c.trc", trial(3, n_frames=301))
+    guessed = orientation.guess_unit_and_up
+
+    def unsure_in_the_last(raw, **options):
+        unit, up = guessed(raw, **options)
+        return unit, replace(up, is_sure=len(raw.time) != 301)
+
+    monkeypatch.setattr(orientation, "guess_unit_and_up", unsure_in_the_last)
+    assert main(["init", "day"]) == 0
+    assert "left out: c.trc" in capsys.readouterr().out
+    assert len(load_config("config/day.yaml")["recordings"]) == 2
 
 
 def test_a_folder_without_any_trial_is_refused_with_the_reasons(folder, capsys):

@@ -24,10 +24,13 @@ if TYPE_CHECKING:
     from hopdata.commands.forecast import Forecast
     from hopdata.recording import Recording
 
+# Recordings of a study that are summarised in full; of more, only the first.
+MOST_IN_FULL = 5
+
 
 @one_blas_thread()  # more threads cost more than they gain on small matrices
 def check(options: argparse.Namespace) -> int:
-    """Check a configuration, read all its recordings and forecast its first study."""
+    """Check a configuration, read all its recordings, forecast its longest study."""
     from hopdata.commands.run import bring_bundled
     from hopdata.config.consistency import files_of
     from hopdata.recording import require_distinct
@@ -35,6 +38,7 @@ def check(options: argparse.Namespace) -> int:
     bring_bundled(Path(options.config))
     configs = _configs(options.config)
     first = configs[0]
+    longest: tuple[dict[str, Any], list[Recording]] = (first, [])
     group = ""
     if len(configs) > 1:
         group = f", the first of {len(configs)} of a group"
@@ -55,21 +59,37 @@ def check(options: argparse.Namespace) -> int:
                 mistakes.append(_with_line(error, options.config))
                 continue
             if config is first:
-                print("\n".join([_summary(recording, config), *lines]))
+                is_long = not of_first_study or _are_few(config)
+                summary = _summary(recording, config) if is_long else f"{recording}"
+                print("\n".join([summary, *lines]))
                 of_first_study.append(recording)
             else:
                 print(f"study {config['study']}: {recording}")
             answers.give_also("recordings", **_fields_of(recording, config))
             of_study.append(recording)
         remarks += _remarks(of_study, config)
+        if _n_frames(of_study) > _n_frames(longest[1]):
+            longest = (config, of_study)
     answers.give(notes=remarks)
     for remark in remarks:
         terminal.note(remark)
     if mistakes:
         raise RecordingError(*mistakes)
     require_distinct(of_first_study)
-    print(_conclusion(options.config, first, of_first_study, remarks))
+    config, recordings = longest
+    if len(configs) > 1:
+        print(f"study {config['study']}, the longest of {len(configs)} of a group")
+    answers.give(forecast_of=config["study"])
+    print(_conclusion(options.config, config, recordings, remarks, len(configs)))
     return terminal.OK
+
+
+def _are_few(config: Mapping[str, Any]) -> bool:
+    return len(config["recordings"]) <= MOST_IN_FULL
+
+
+def _n_frames(recordings: Sequence[Recording]) -> int:
+    return sum(len(recording.time) for recording in recordings)
 
 
 def _configs(file: str) -> list[dict[str, Any]]:
@@ -179,13 +199,20 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
 
 
 def _conclusion(
-    file: str, config: dict[str, Any], recordings: list[Recording], remarks: list[str]
+    file: str,
+    config: dict[str, Any],
+    recordings: list[Recording],
+    remarks: list[str],
+    n_studies: int,
 ) -> str:
     """Forecast the study if it has all its recordings; tell whether it can be run."""
     why_not = ""
     if len(recordings) == len(config["recordings"]):
         why_not = _foretell(config, recordings)
     answers.give(but=why_not or None)
+    if why_not and n_studies > 1:
+        values = {"study": config["study"], "studies": n_studies, "but": why_not}
+        why_not = str(Message("commands.longest_but", values))
     if not why_not and remarks:
         why_not = str(Message("commands.see_notes"))
     if why_not:

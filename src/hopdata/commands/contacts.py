@@ -273,6 +273,9 @@ def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
             of_feet = [one for one in roles.problems if one.code in NO_FEET]
             why = "; ".join(str(problem) for problem in of_feet or roles.problems)
             raise RecordingError(f"{file}: {why}; here by --feet NAME ...")
+        if roles.left_by_name:
+            left = {"markers": ", ".join(roles.left_by_name)}
+            questions.append(str(Message("commands.left_by_name_in_contacts", left)))
     body = list(options.body or roles.body)
     _require_markers("--body", file, body, inspection)
     return _Looked(

@@ -356,6 +356,11 @@ def describe(
     is_told = forecast.detectable is not None and forecast.detectable <= 1
     if len(feet) == MIN_FEET and not is_told:
         lines.append(f"  note      {Message('maps.little_power')}")
+        n_markers = len(config["markers"]["feet"])
+        if n_markers > len(feet):
+            joined = {"markers": n_markers, "feet": len(feet)}
+            of_markers = Message("commands.feet_are_joined", joined)
+            lines.append(f"  note      {of_markers}")
     lines.append(f"  verdict   {reach(forecast, config)}")
     for change in changes(forecast, config, recordings):
         lines.append(f"  change    {change}")

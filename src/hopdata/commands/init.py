@@ -268,7 +268,7 @@ def init(options: argparse.Namespace) -> int:
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
     print_guesses(draft, inspection, roles)
-    for remark in remarks:
+    for remark in [*notes_on_feet(roles, out), *remarks]:
         terminal.note(remark)
     if roles.other_feet:
         values = {
@@ -277,6 +277,22 @@ def init(options: argparse.Namespace) -> int:
         }
         terminal.note(str(Message("commands.contacts_of_all_feet", values)))
     return print_next(out, is_complete=not roles.problems)
+
+
+def notes_on_feet(roles: Roles, out: Path) -> list[str]:
+    """Return what to know of the feet: markers that are joined, or left by name."""
+    notes = []
+    if roles.joined:
+        feet = []
+        for name, markers in roles.joined.items():
+            of_foot = {"name": name, "markers": ", ".join(markers)}
+            feet.append(str(Message("commands.foot_of_markers", of_foot)))
+        values = {"feet": "; ".join(feet), "config": str(out)}
+        notes.append(str(Message("commands.feet_joined", values)))
+    if roles.left_by_name:
+        left = {"markers": ", ".join(roles.left_by_name)}
+        notes.append(str(Message("commands.left_by_name", left)))
+    return notes
 
 
 def print_next(out: Path, *, is_complete: bool) -> int:

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import one_blas_thread
 from hopdata.commands import init as of_files
 from hopdata.commands import terminal
-from hopdata.errors import AnalysisError, HopdataError, RecordingError
+from hopdata.errors import AnalysisError, HopdataError, RecordingError, counted
 from hopdata.inspecting.guesses import with_effects
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
 from hopdata.messages import Message
+from hopdata.recordings.quality.guess import Guess
 
 if TYPE_CHECKING:
     from hopdata.recording import Recording
@@ -38,6 +39,9 @@ MOST_LISTED = 20
 
 # The reason to leave a file out that --keep-copies overrides.
 PROCESSED = "recordings.lab_processed"
+
+# The reason for which a file takes what is up from the others.
+AXIS_UNSURE = "recordings.lab_axis_unsure"
 
 # Columns of the table of samples.
 COLUMNS = ("subject", "session", "recording", "file")
@@ -62,6 +66,8 @@ class Choice:
         The study's.
     ups : set of str
         Directions of the trials' files that point up.
+    n_axis_unsure : int
+        Number of the trials that do not show their direction; it is that of the others.
     left_out : list of LeftOut
         The others.
     refused : Message, optional
@@ -72,6 +78,7 @@ class Choice:
     left_out: list[LeftOut]
     ups: frozenset[str] = frozenset()
     refused: Message | None = None
+    n_axis_unsure: int = 0
 
 
 def init(options: argparse.Namespace) -> int:
@@ -135,7 +142,7 @@ def _reference(
         roles = guessed_roles(inspection)
         if found is None or len(roles.problems) < len(found.roles.problems):
             found = Reference(trial, inspection, roles)
-        if not roles.problems and not roles.unsure:
+        if not roles.problems and not roles.unsure and inspection.up.is_sure:
             return Reference(trial, inspection, roles)
     assert found is not None  # there is at least one trial
     return found
@@ -181,10 +188,36 @@ def _sorted_out(
             left_out.append(LeftOut(trial.place, lacks))
     if roles.problems:
         return Choice(alike, _in_order(left_out))
+    usable, ups, refused = _usable(alike, roles, options, progress)
+    unsure = [trial for trial in alike if _axis_is_unsure(trial, refused)]
+    n_axis_unsure = 0
+    if unsure and len(ups) == 1:
+        # The files of one folder are of one laboratory.
+        as_others = argparse.Namespace(**{**vars(options), "vertical_axis": min(ups)})
+        as_well, _, still_refused = _usable(unsure, roles, as_others, progress)
+        n_axis_unsure = len(as_well)
+        usable = [trial for trial in alike if trial in usable or trial in as_well]
+        settled = {trial.place for trial in unsure}
+        refused = [one for one in refused if one.place not in settled]
+        refused += still_refused
+    if not usable:
+        values = {"reason": refused[0].message()}
+        all_refused = Message("commands.folder_all_refused", values)
+        return Choice(alike, _in_order(left_out), refused=all_refused)
+    left_out = _in_order([*left_out, *refused])
+    return Choice(usable, left_out, frozenset(ups), n_axis_unsure=n_axis_unsure)
+
+
+def _usable(
+    trials: Sequence[Trial], roles: Roles, options: argparse.Namespace, progress: Any
+) -> tuple[list[Trial], set[str], list[LeftOut]]:
+    """Return the trials that the study can use, what is up in them, and the others."""
+    from hopdata.recordings.lab import LeftOut
+
     usable = []
-    refused = []
     ups = set()
-    for trial in alike:
+    refused = []
+    for trial in trials:
         progress(f"looking for landings in {trial.place.as_posix()}")
         found = _as_recording(trial, roles, options)
         if isinstance(found, Message):
@@ -192,11 +225,14 @@ def _sorted_out(
         else:
             usable.append(trial)
             ups.add(found.vertical_axis)
-    if not usable:
-        values = {"reason": refused[0].message()}
-        all_refused = Message("commands.folder_all_refused", values)
-        return Choice(alike, _in_order(left_out), refused=all_refused)
-    return Choice(usable, _in_order([*left_out, *refused]), frozenset(ups))
+    return usable, ups, refused
+
+
+def _axis_is_unsure(trial: Trial, refused: Sequence[LeftOut]) -> bool:
+    """Tell whether a trial was refused since it does not show what is up."""
+    return any(
+        one.place == trial.place and one.reason.code == AXIS_UNSURE for one in refused
+    )
 
 
 def _in_order(left_out: Sequence[LeftOut]) -> list[LeftOut]:
@@ -210,6 +246,7 @@ def _as_recording(
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.lab import unreadable
     from hopdata.recordings.plausibility import check_plausible
+    from hopdata.recordings.quality.orientation import KEY_OF_AXIS
 
     try:
         recording, _ = import_recording(
@@ -222,7 +259,10 @@ def _as_recording(
         )
         check_plausible(recording)
     except RecordingError as error:
-        return unreadable(error, trial.file)
+        reason = unreadable(error, trial.file)
+        if error.key == KEY_OF_AXIS:
+            return replace(reason, code=AXIS_UNSURE)
+        return reason
     try:
         unfit = _unfit(recording)
     except AnalysisError as error:
@@ -274,6 +314,8 @@ def _write(
     problems = list(roles.problems)
     if refused is not None:
         problems.append(refused)
+    if choice.n_axis_unsure:
+        reference = _with_axis_of_others(reference, choice)
     inspection = with_effects(reference.inspection, roles)
     remarks = of_files.remarks_on(inspection, roles)
     if refused is not None:
@@ -284,6 +326,8 @@ def _write(
     if not _are_alike(choice, reference):
         # Unit and axis are then settled for each file by itself.
         as_read.more = [trial.file for trial in trials]
+    if choice.n_axis_unsure:
+        as_read.vertical_axis = reference.inspection.up.value
     draft = of_files.draft_of(as_read, out, reference.inspection, roles, remarks)
     notes = _notes(subjects, table, choice, ignored)
     draft = replace(
@@ -301,9 +345,18 @@ def _write(
     print(f"{out}: written, roles guessed from {reference.trial.place.as_posix()}")
     of_files.print_guesses(draft, reference.inspection, roles)
     _print_notes(notes, choice.left_out, out)
-    for remark in remarks:
+    for remark in [*of_files.notes_on_feet(roles, out), *remarks]:
         terminal.note(remark)
     return of_files.print_next(out, is_complete=not problems)
+
+
+def _with_axis_of_others(reference: Reference, choice: Choice) -> Reference:
+    """Return the reference with what is up in the files that show it."""
+    n_files = len(choice.trials)
+    values = {"sure": n_files - choice.n_axis_unsure, "files": n_files}
+    why = Message("recordings.up_of_most_files", values)
+    inspection = replace(reference.inspection, up=Guess(min(choice.ups), why))
+    return replace(reference, inspection=inspection)
 
 
 def _title(folder: Path) -> str:
@@ -383,9 +436,16 @@ def _notes(
         notes.append(Message("commands.folder_subjects", values))
     else:
         notes.append(Message("commands.folder_one_subject", values))
+    if choice.n_axis_unsure:
+        axis = {
+            "up": min(choice.ups),
+            "unsure": counted(choice.n_axis_unsure, "file"),
+            "sure": n_kept - choice.n_axis_unsure,
+        }
+        notes.append(Message("commands.folder_axis", axis))
     if ignored:
-        counted = [f"{number} {suffix}" for suffix, number in ignored.items()]
-        notes.append(Message("commands.folder_ignored", {"files": ", ".join(counted)}))
+        kinds = [f"{number} {suffix}" for suffix, number in ignored.items()]
+        notes.append(Message("commands.folder_ignored", {"files": ", ".join(kinds)}))
     if any(one.reason.code == PROCESSED for one in choice.left_out):
         notes.append(Message("commands.folder_copies"))
     for one in choice.left_out:

@@ -129,3 +129,43 @@ def test_what_most_files_show_of_their_feet_holds_for_all():
     assert shared_feet([odd, whole]) == [whole, whole]
     assert shared_feet([odd, odd, whole]) == [odd, odd, odd]
     assert shared_feet([]) == []
+
+
+LEGS = ("LF", "LM", "LH", "RF", "RM", "RH")
+
+
+def tripods(names, *, seconds=8.0, rate_hz=200.0, step_s=0.5):
+    """Return a walk on six feet: 0, 2 and 4 stand while 1, 3 and 5 swing."""
+    time = np.arange(round(seconds * rate_hz)) / rate_hz
+    rng = np.random.default_rng(11)
+    tracks = []
+    for k in range(6):
+        share = (time / step_s + k % 2) % 2
+        height = 0.03 * np.sin(np.pi * np.clip(share - 1, 0.0, 1.0)) ** 2
+        # A leg swings a little further or less far in each step, as no robot's feet do.
+        ahead = 0.2 * (1 - k % 3) + 0.02 * np.sin(2 * np.pi * (0.3 + 0.1 * k) * time)
+        aside = np.full_like(time, 0.15 if k < 3 else -0.15)
+        tracks.append([ahead, aside, height])
+    for x, y in ((0.1, 0.05), (-0.1, 0.05), (0.0, -0.07)):
+        bob = 0.17 + 0.01 * np.cos(2 * np.pi * time / step_s)
+        tracks.append([np.full_like(time, x), np.full_like(time, y), bob])
+    positions = np.array(tracks).transpose(2, 0, 1)
+    positions = positions + rng.normal(0, 2e-4, positions.shape)
+    return RawRecording((*names, "B1", "B2", "B3"), time, positions, rate_hz, "m")
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [f"foot_{leg}" for leg in LEGS],
+        [f"foot_{leg}".replace("M", "C") for leg in LEGS],
+        [*LEGS],
+        [f"pad{letter}" for letter in "ABCDEF"],
+        [f"foot_{letter}" for letter in "ABCDEF"],
+    ],
+    ids=lambda names: names[1],
+)
+def test_all_six_feet_are_timed_whatever_their_names(names):
+    _, feet, joined = found(tripods(names))
+    assert feet == names
+    assert joined == {}

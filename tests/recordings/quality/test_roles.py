@@ -479,3 +479,16 @@ def test_what_the_names_of_limbs_begin_with_is_no_subject(begin):
         "A_",
         "B_",
     ]
+
+
+def test_hands_that_land_as_feet_do_are_told():
+    names = ("C7", "SIPS_li", "SIPS_re", "fuss_li", "fuss_re", "hand_li", "post")
+    positions = hopping(1)[1]
+    found = roles(positions, names)
+    assert found.feet == ("fuss_li", "fuss_re")
+    assert found.left_by_name == ("hand_li",)
+    assert "hand_li rests" in str(found.reasons["unused"])
+    assert "no foot by its name" in str(found.reasons["unused"])
+
+    lifted = positions + 0.3 * (np.arange(7) == 5)[:, None] * [0.0, 0.0, 1.0]
+    assert roles(lifted, names).left_by_name == ()

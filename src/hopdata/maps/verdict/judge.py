@@ -387,8 +387,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(reading, jumps=jumps)
-    if sizes.jump_unsure and jump is not None:
-        limited += limits.unsure_jump(jump.estimate)
+    limited += limits.bends_like_jumps(sizes)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = reading.growth()

@@ -24,7 +24,7 @@ from hopdata.maps.verdict.sizes import (
     Sizes,
     at_contact,
     sizes_of,
-    without_unsure_jump,
+    with_jump_beside_bends,
 )
 from hopdata.maps.verdict.window import fit_of_best_window
 
@@ -138,9 +138,7 @@ def _reading(
     fit = fit_of_best_window(landings, comparison)
     sizes = sizes_of(fit, landings, comparison, options)
     contact = at_contact(fit, landings, comparison, sizes.effect, options)
-    sizes = without_unsure_jump(
-        sizes, contact.p_value, fit, landings, comparison, options
-    )
+    sizes = with_jump_beside_bends(sizes, contact, fit, landings, comparison, options)
     return Reading(landings, fit, sizes, contact)
 
 
@@ -165,6 +163,7 @@ def under_both(one: Reading, other: Reading) -> Reading:
         orders=_pairs_under_both(one.sizes.orders, other.sizes.orders),
         alone=alone,
         jump_unsure=one.sizes.jump_unsure or other.sizes.jump_unsure,
+        jump_or_bend=one.sizes.jump_or_bend or other.sizes.jump_or_bend,
     )
     return replace(one, contact=contact, sizes=sizes, parts=(one, other))
 

@@ -25,6 +25,8 @@ from hopdata.recordings.quality.rests import lowest
 from hopdata.recordings.quality.roles import Roles
 from hopdata.recordings.quality.vocabulary import NamedParts, named_parts
 
+_OPPOSITE = {"l": "r", "r": "l"}
+
 Joined = dict[str, list[str]]
 Grouping = tuple[tuple[str, tuple[str, ...]], ...]
 
@@ -125,8 +127,11 @@ def _alike(
         return {name for name in group if not names.role(numbers[name])}
     of_foot = [name for name in group if names.role(numbers[name]) in ("foot", "ankle")]
 
+    all_stems = {names.place_on_limb(m)[1] for m in range(len(markers))}
+
     def place(name: str) -> tuple[int, str]:
-        return names.place_on_limb(numbers[name])
+        rank, stem = names.place_on_limb(numbers[name])
+        return rank, _without_mirrored_side(stem, all_stems)
 
     def place_but_for_number(name: str) -> tuple[int, str]:
         rank, stem = place(name)
@@ -138,7 +143,25 @@ def _alike(
         alike = {name for name in of_foot if same(name) in places}
         if len(alike) >= len(feet):
             break
+    sides = {names.sides[numbers[name]] for name in (*feet, *of_foot)}
+    if not alike and not {*_OPPOSITE} <= sides:  # names as foot_A tell no places
+        return set(of_foot)
     return alike
+
+
+def _without_mirrored_side(stem: str, all_stems: set[str]) -> str:
+    """Drop l or r at the beginning of a word where a marker has the other side's.
+
+    The middle legs of an insect, as of foot_LM and foot_RM, are no limbs of an animal
+    on four legs, and have no side by that.
+    """
+    words = stem.split()
+    for k, word in enumerate(words):
+        other = word.replace(word[0], _OPPOSITE.get(word[0], ""), 1)
+        mirrored = " ".join([*words[:k], other, *words[k + 1 :]])
+        if word[0] in _OPPOSITE and mirrored in all_stems:
+            words[k] = word[1:]
+    return " ".join(filter(None, words))
 
 
 def _by_name(inspection: Inspection) -> set[str]:

@@ -25,6 +25,9 @@ from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.wording import also
 from hopdata.scale import extent, sampled
 
+# The key that settles what points up.
+KEY_OF_AXIS = "input.vertical_axis"
+
 #: Smallest size of an animal or a robot with its markers.
 #: Unit: m. Origin: chosen. The range spans a factor of less than 1000, so at most one
 #: of mm and m can be plausible.
@@ -272,7 +275,7 @@ def choose_up(
     if not up.is_sure:
         wanted = "a clear fall, or a body that is clearly above its feet"
         place = f"{source}: input.vertical_axis: auto"
-        raise RecordingError.at(place, wanted, up.reason)
+        raise RecordingError.at(place, wanted, up.reason, key=KEY_OF_AXIS)
     values = {"source": source, "up": up.value, "reason": up.why}
     return up.value, (Message("recordings.up_found", values),)
 

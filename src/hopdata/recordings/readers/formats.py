@@ -16,6 +16,7 @@ import numpy as np
 from hopdata.errors import HopdataError, RecordingError
 from hopdata.foreign import door
 from hopdata.foreign.plugins import plugins
+from hopdata.messages import Message
 from hopdata.recording import SLOWEST_S, Event
 from hopdata.recordings import raw as reading
 from hopdata.recordings.budget import unpacked_mb
@@ -56,6 +57,9 @@ READERS: dict[str, tuple[str, tuple[str, ...]]] = {
         ("most_unpacked_mb",),
     ),
 }
+
+# Suffixes of plain arrays, which do not say what their columns are.
+OF_ARRAYS = (".npz", ".npy", ".pkl", ".pickle")
 
 # Libraries that these import once they read.
 _LIBRARIES: dict[str, tuple[str, ...]] = {
@@ -118,6 +122,9 @@ def read_raw(
         found = f"'{path.suffix}'"
         if path.is_dir():
             found = "a folder: name its files one by one"
+        elif suffix in OF_ARRAYS:
+            way_in = Message("recordings.arrays")
+            found += f" ({way_in})"
         wanted = f"a file ending in {', '.join(suffixes())}"
         raise RecordingError.at(f"{path}: format", wanted, found)
     require_file(path)
