@@ -43,6 +43,14 @@ CONDITIONS: show.Columns = {
 }
 
 
+def _columns_of(conditions: Sequence[Mapping[str, Any]]) -> show.Columns:
+    """Return the columns of the comparisons; a single p-value is not adjusted."""
+    columns = dict(CONDITIONS)
+    if len(conditions) == 1:
+        del columns["p after Holm"]
+    return columns
+
+
 def build_group_page(
     group: Mapping[str, Any],
     figures: Sequence[ReportFigure],
@@ -100,7 +108,9 @@ def build_group_page(
         advice=advice_to_group(group),
         documentation=DOCUMENTATION,
         contacts=contacts_table(rows),
-        conditions=show.table_of(title, group["conditions"], CONDITIONS),
+        conditions=show.table_of(
+            title, group["conditions"], _columns_of(group["conditions"])
+        ),
         by_condition=show.table_of(
             "Over the subjects of each condition", _of_conditions(group), OF_CONDITION
         ),

@@ -240,9 +240,12 @@ def test_conditions_that_differ_by_what_smooth_terms_leave_are_not_told_apart():
     assert differ(apart.iloc[0])
     assert re.fullmatch(
         r"Within subjects, conditions differ: a \(\d+ %\) and b \(\d+ %\), squares by "
-        r"-0\.\d+ \(95 % interval -0\.\d+ to -0\.\d+; p \S+ after Holm, 30 subjects\)\.",
+        r"-0\.\d+ \(95 % interval -0\.\d+ to -0\.\d+; p \S+, 30 subjects\)\.",
         conditions_said(apart),
     )
+    rows.append(studies(np.full(30, 0.5), 3, "c"))
+    of_three = conditions_said(compare_conditions(pd.concat(rows)))
+    assert of_three.count(" after Holm, 30 subjects") == 3
 
 
 def test_each_condition_leaves_its_own_remainder_in_a_difference():

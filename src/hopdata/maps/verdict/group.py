@@ -328,6 +328,10 @@ def conditions_said(conditions: pd.DataFrame, *, confidence: float = 0.95) -> st
         "maps.conditions_differ": [],
         "maps.conditions_alike": [],
     }
+    pair = "maps.two_conditions"
+    if len(conditions) == 1:
+        # A single p-value needs no adjustment.
+        pair = "maps.only_two_conditions"
     for one in conditions.to_dict("records"):
         row = {str(name): value for name, value in one.items()}
         values = {
@@ -344,7 +348,7 @@ def conditions_said(conditions: pd.DataFrame, *, confidence: float = 0.95) -> st
         code = "maps.conditions_alike"
         if differ(row, confidence=confidence):
             code = "maps.conditions_differ"
-        said[code].append(str(Message("maps.two_conditions", values)))
+        said[code].append(str(Message(pair, values)))
     return " ".join(
         str(Message(code, {"pairs": "; ".join(pairs)}))
         for code, pairs in said.items()
