@@ -46,6 +46,7 @@ from hopdata.landings.excluded_spans import (
 )
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.held_frames import without_held_frames
+from hopdata.landings.treads import without_treads
 from hopdata.messages import Lines, Message, Messages, without_exponent
 from hopdata.recording import Recording, require_distinct
 from hopdata.recordings.plausibility import check_fall
@@ -653,7 +654,8 @@ def _levelled(
     recording = without_held_frames(recording[by_height])
     try:
         model = fit_floor(recording, **options)
-        return level(recording, model)[given], []
+        on_floor, on_treads = without_treads(level(recording, model))
+        return on_floor[given], on_treads
     except AnalysisError:
         # The reason names keys of a configuration, which need not be there.
         values = {"recording": recording.name}

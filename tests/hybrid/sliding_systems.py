@@ -54,6 +54,51 @@ dry = System(
 
 
 @field
+def foot_field(t, y, mode, params, dy):  # x and z (m) of a foot of 1 kg, their rates
+    # params: friction, speed of the body that draws it (m/s), a blow (m/s), a mark
+    lift = -12.0 * np.sin(6.0 * t)  # N
+    dy[0], dy[1], dy[2] = y[2], y[3], 40.0 * (params[1] * t - y[0])
+    dy[3] = lift - 9.81
+    if mode[0] > 0:
+        dy[2] -= params[0] * (9.81 - lift) * mode[1]
+        dy[3] = 0.0
+
+
+@guards
+def floor_and_slip(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = -y[1], -dy[1]
+    if mode[0] > 0:  # how hard the floor presses
+        h[0], hdot[0] = 9.81 + 12.0 * np.sin(6.0 * t), 72.0 * np.cos(6.0 * t)
+    h[1], hdot[1] = y[2], dy[2]
+
+
+@on_event
+def plastic(t, y, mode, params, guard, direction):
+    if guard == 0 and direction > 0:
+        most = -params[0] * y[3]
+        blow = min(max(y[2], -most), most)
+        if params[2] != 0.0:
+            blow = params[2]
+        y[2] -= blow
+        y[3] = 0.0
+    elif guard == 1:
+        mode[2] += int(params[3])
+    return 0
+
+
+# A foot that lands with a plastic impact, sticks or slips, and is lifted again.
+foot = System(
+    foot_field,
+    floor_and_slip,
+    plastic,
+    n_states=4,
+    guard_names=("floor", "slip"),
+    sliding=("slip",),
+    n_extra_modes=1,
+)
+
+
+@field
 def folded_field(t, y, mode, params, dy):  # params: bend of the surface
     if mode[0] > 0:
         dy[0], dy[1] = 1.0, y[0] - 1.0

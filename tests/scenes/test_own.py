@@ -17,7 +17,7 @@ from hopdata.foreign.working_folder import SAID, digests_of
 from hopdata.provenance import own_code
 from hopdata.scenes import own, scene_class
 from hopdata.scenes.quadruped import Quadruped
-from hopdata.scenes.scene import Control
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.scaling import known_scene
 from hopdata.synthesis.simulate import Simulation
 
@@ -201,3 +201,35 @@ def test_what_a_scene_offers_of_controls_is_told():
         Simulation(name="odd", scene=Uncontrolled(), control=coupled)
     with pytest.raises(ConfigError, match="knows coupling only, found"):
         Simulation(name="odd", scene=Quadruped(), control=Control(impulse=2.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weak(Quadruped):
+    """A quadruped too weak to lift off by the law of springs."""
+
+    preload_n: float = 12.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hydraulic(Weak):
+    """The same, with legs of another law."""
+
+    def require_take_off(self, key):
+        pass
+
+
+class NoSprings(Scene):
+    """A scene whose legs have neither stiffness nor release."""
+
+    mass_kg, preload_n, gravity_m_s2 = 1.0, 0.1, 9.81
+    rest_feet = system = vector = None
+
+
+def test_legs_that_are_no_springs_are_not_refused():
+    with pytest.raises(ConfigError, match="override require_take_off"):
+        Weak().require_take_off("simulation.x")
+    with pytest.raises(ConfigError) as builtin:
+        Quadruped(preload_n=12.0).require_take_off("simulation.quadruped")
+    assert str(builtin.value).endswith("it cannot lift off")
+    Hydraulic().require_take_off("simulation.x")
+    NoSprings().require_take_off("simulation.x")

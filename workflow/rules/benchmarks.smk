@@ -50,6 +50,7 @@ BENCHMARK_TABLES = {
         "verdict_unseen.csv",
         "verdict_unseen_studies.csv",
     ],
+    "verdict_jumps": ["verdict_jumps.csv", "verdict_jumps_studies.csv"],
     "verdict_groups": [
         "verdict_groups.csv",
         "verdict_groups_studies.csv",
@@ -93,6 +94,7 @@ BENCHMARK_ARGUMENTS = {
     "verdict_campaign": "--studies 1",
     "verdict_growth": "--studies 1",
     "verdict_groups": "--subjects 16",
+    "verdict_jumps": "--studies 2",
     "verdict_power": "--studies 1",
     "work_precision": "--turns 7 --race-turns 30 --systems 4000",
 }

@@ -47,6 +47,7 @@ from hopdata.landings.floor_surface import (
     rim_of,
 )
 from hopdata.landings.sections.modes import robust_rms
+from hopdata.landings.treads import rests_elsewhere
 from hopdata.messages import Message
 from hopdata.recording import Recording
 
@@ -197,7 +198,7 @@ def fit_floor(
         without_mounts = rest.points - fit.offsets_m[rest.foot][:, None] * [0, 0, 1.0]
         messages += _slope_messages(without_mounts[inlier])
     n_points = int((used | raised).sum())
-    return FloorModel(
+    model = FloorModel(
         terms=fit.terms,
         coefficients_m=fit.coefficients_m,
         centre_m=ground.centre_m,
@@ -215,6 +216,8 @@ def fit_floor(
         moved_m=moved_m,
         axis=ground.axis,
     )
+    feet = level(recording[list(model.feet)], model)
+    return replace(model, messages=(*model.messages, *rests_elsewhere(feet)))
 
 
 @dataclass(frozen=True)

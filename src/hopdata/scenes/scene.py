@@ -171,12 +171,23 @@ class Scene(ABC):
         raise NotImplementedError(type(self).__name__)
 
     def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` about `key` if extended legs cannot carry the body."""
+        """Raise a `ConfigError` about `key` if extended legs cannot carry the body.
+
+        Legs are taken for springs that push on until they are longer by
+        `release_extension_m`. A scene that has no such parameters is not tested; one
+        that has them, but whose legs follow another law, overrides this method.
+        """
+        for name in ("stiffness_n_m", "release_extension_m"):
+            if not hasattr(self, name):
+                return
         push = self.preload_n - self.stiffness_n_m * self.release_extension_m
         share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
         least = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N"
         wanted = f"{least}, the weight per leg"
-        require(push > share, key, wanted, f"{push:.2f} N: it cannot lift off")
+        found = f"{push:.2f} N: it cannot lift off"
+        if not type(self).__module__.startswith("hopdata."):
+            found += " (if its legs follow another law, override require_take_off)"
+        require(push > share, key, wanted, found)
 
     # Motion of a boom from hop to hop; by default there is no boom.
 

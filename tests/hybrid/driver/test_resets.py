@@ -342,6 +342,57 @@ def test_a_reset_that_pushes_another_guard():
     assert "Several guards flip" in tied.message
 
 
+@field
+def wind(t, y, mode, params, dy):
+    dy[0], dy[1] = 1.0 + 0.3 * np.sin(y[1]), 0.0
+    if mode[0] > 0:
+        dy[1] = 0.4 + 0.2 * y[0]
+    if mode[1] > 0:
+        dy[0], dy[1] = dy[0] - 0.5, 2.0 * dy[1]
+
+
+@guards
+def place_and_line(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - 0.5 - 0.2 * y[1] ** 2, dy[0] - 0.4 * y[1] * dy[1]
+    h[1], hdot[1] = y[1], dy[1]
+
+
+def onto_line(t, y, mode, params, guard, direction):
+    if guard == 1:
+        mode[2] += int(params[1])
+    elif params[0] == 0.0:
+        y[1] -= 3.0 * (y[1] / 3.0)  # onto the line, but for rounding
+    else:
+        y[1] += params[0]
+    return 0
+
+
+@pytest.mark.parametrize("compiled", [True, False])  # by duals, and by differences
+@pytest.mark.parametrize(
+    ("params", "exists"),
+    [
+        ((0.0, 0.0), True),  # all are put onto the line, and cross it
+        ((0.5, 0.0), False),  # one start alone: its neighbours miss the line
+        ((0.499, 0.0), True),
+        ((0.501, 0.0), True),
+        ((0.0, 1.0), False),  # those that are beyond by rounding set no mode
+    ],
+)
+def test_a_reset_that_puts_the_state_onto_another_surface(params, exists, compiled):
+    handler = on_event(compiled=compiled)(onto_line)
+    system = System(
+        wind, place_and_line, handler, n_states=2, guard_names=("place", "line"),
+        n_extra_modes=1,
+    )  # fmt: skip
+    options = {"params": params, "mode": [-1, -1, 0]}
+    found = carried(system, (0, 1.5), [0.0, -0.5], **options)
+    if not exists:
+        assert found.status == TIE_IN_JACOBIAN
+        return
+    right = differences(system, (0, 1.5), [0.0, -0.5], **options)
+    assert gap(found.jacobian, right) < 1e-9
+
+
 @guards
 def one_plane(t, y, dy, mode, params, h, hdot):
     h[0] = y[0] - params[0]

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sliding_systems import corner, dry, folded, folded_field, relay
+from sliding_systems import corner, dry, folded, folded_field, foot, relay
 
 from hopdata.errors import ArgumentError
 from hopdata.hybrid import System, guard, solve, solve_batch
 from hopdata.hybrid.first_order import NoDerivativeError, bouligand_derivative
 from hopdata.hybrid.gradients import gradient
-from hopdata.hybrid.layout import GUARD_NOT_FINITE, NOT_UNIQUE
+from hopdata.hybrid.layout import GUARD_NOT_FINITE, NOT_UNIQUE, TIE_IN_JACOBIAN
 
 
 def test_a_relay_rests_as_long_as_its_drive_is_weaker():
@@ -134,6 +134,44 @@ def test_the_derivative_through_sliding(system, end, start, params, directions):
         solution.events.direction[: len(directions)], directions
     )
     np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
+
+
+def landed(start, params, end=2.0):
+    """Return a run of a foot with its derivative, and the latter by differences."""
+    options = {"params": params, "rtol": 1e-11, "atol": 1e-13}
+    solution = solve(foot, (0.0, end), start, jacobian=True, **options)
+    apart = 1e-5 * np.vstack([np.eye(4), -np.eye(4)])
+    ends = solve_batch(foot, (0.0, end), start + apart, **options).y_end
+    return solution, (ends[:4] - ends[4:]).T / 2e-5
+
+
+@pytest.mark.skipif("'ALL' not in os.environ", reason="compiles for 15 s: ALL=1")
+@pytest.mark.parametrize("seed", range(5))
+def test_the_derivative_through_an_impact_that_ends_in_sticking(seed):
+    """The impact puts the neighbours onto the slip's surface, too: all go on sliding."""
+    rng = np.random.default_rng(seed)
+    sticks = 0
+    for _ in range(4):
+        start = rng.uniform([-0.2, 0.02, -1.0, -0.3], [0.2, 0.2, 1.0, 0.3])
+        params = [rng.uniform(0.2, 1.2), rng.uniform(-0.8, 0.8), 0.0, 1.0]
+        solution, slopes = landed(start, params)
+        log = solution.events
+        at_landing = log.of("floor", direction=1).time
+        sticks += np.isin(at_landing, log.of("slip").time).any()
+        np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
+    assert sticks >= 2
+
+
+@pytest.mark.skipif("'ALL' not in os.environ", reason="compiles for 15 s: ALL=1")
+def test_an_impact_after_which_one_start_alone_sticks_has_no_derivative():
+    start = np.array([0.0, 0.05, 0.3, 0.0])
+    before = landed(start, [0.6, 0.3, 0.0, 0.0])[0].events.before[0, 2]
+    for more in (1.01, 0.99):  # it goes on slipping, backward or ahead
+        solution, slopes = landed(start, [0.6, 0.3, more * before, 0.0])
+        np.testing.assert_allclose(solution.jacobian, slopes, atol=1e-6)
+    refused, _ = landed(start, [0.6, 0.3, before, 0.0])
+    assert refused.status == TIE_IN_JACOBIAN
+    assert len(refused.events) == 1
 
 
 def test_neighbours_of_a_corner_have_the_bouligand_derivative():

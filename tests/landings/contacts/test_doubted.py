@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from hopdata.landings.contacts import doubted as module
-from hopdata.landings.contacts.doubted import filled
+from hopdata.landings.contacts.doubted import filled, spikes
 
 RATE_HZ = 200.0
 NOISE_M = 5e-4
@@ -114,3 +114,36 @@ def test_feet_that_keep_their_names_through_gaps_are_not_exchanged(gap):
         for first in range(5, 500, 60):
             tracks[first : first + gap] = np.nan
         assert not exchanged(tracks).any()
+
+
+@pytest.mark.parametrize("size_m", [0.01, 0.045])
+@pytest.mark.parametrize("seed", range(3))
+def test_spikes_are_found_to_the_frame_however_many_they_are(seed, size_m):
+    track = walking(seed=seed)[:, 0]
+    rng = np.random.default_rng(seed)
+    expected = np.zeros(len(track), dtype=bool)
+    expected[20:590:31] = True
+    track[expected, 2] += rng.choice([-size_m, size_m], expected.sum())
+    np.testing.assert_array_equal(spikes(track), expected)
+    np.testing.assert_array_equal(doubted(track[:, None])[:, 0], expected)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 1e-4, 6e-4])
+@pytest.mark.parametrize("rebound", [0.0, 0.5])
+def test_a_foot_that_is_stopped_or_thrown_back_has_no_spike(noise_m, rebound):
+    rng = np.random.default_rng(1)
+    for begin_s in np.linspace(0.3, 0.3 + 1 / RATE_HZ, 7):
+        t = np.arange(200) / RATE_HZ - begin_s
+        speed = np.where(t < 0, 2.5, -2.5 * rebound * np.exp(-np.abs(t) / 0.02))
+        track = np.outer(-speed * t, [0.3, 0.0, 1.0])
+        track += rng.normal(0, noise_m, track.shape)
+        assert not spikes(track).any()
+
+
+def test_frames_that_are_often_far_off_are_the_noise_of_the_track():
+    rng = np.random.default_rng(2)
+    track = walking(seed=2)[:, 0]
+    often = rng.random(len(track)) < 0.25
+    track[often] += rng.normal(0, 0.05, (often.sum(), 3))
+    assert not spikes(track).any()
+    assert not spikes(track[:4]).any()

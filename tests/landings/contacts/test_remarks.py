@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.interpolate import CubicSpline
 
 import hopdata as hd
@@ -14,6 +15,7 @@ from hopdata.landings.contacts.remarks import (
     EXCHANGED,
     FILLED,
     OF_FEET,
+    SPIKES,
     contact_remarks,
     one_for_all_feet,
 )
@@ -85,6 +87,21 @@ def with_exchanged_names(recording, feet, instants):
     return replace(recording, positions=positions)
 
 
+def with_spikes(recording, foot, instants, *, after_s, size_m=0.03, seed=0):
+    """Move a foot in one frame about each of its contacts, by so much, anywhere."""
+    rng = np.random.default_rng(seed)
+
+    def move(track):
+        track = track.copy()
+        for instant in instants:
+            frame = int(np.searchsorted(recording.time, instant + after_s))
+            way = rng.normal(size=3)
+            track[frame] += size_m * way / np.linalg.norm(way)
+        return track
+
+    return moved(recording, foot, move)
+
+
 def at_another_rate(recording, rate_hz):
     """Bring positions to another rate by straight lines."""
     count = int((recording.time[-1] - recording.time[0]) * rate_hz)
@@ -126,6 +143,25 @@ def test_a_foot_that_bounces_is_told_with_the_error_of_its_contacts():
     assert remark.values["landings"] == own["found"].sum() > HOPS / 2
     assert remark.values["ms"] == 1e3 * own["common_s"].iloc[0] > 1.0
     assert f"{foot} bounces" in str(remark)
+
+
+@pytest.mark.parametrize("after_s", [-0.025, 0.0, 0.02])
+def test_spikes_in_one_foot_are_told_and_spoil_no_contact(after_s):
+    recording, contact_s = hopping(1)
+    foot = recording.names("foot")[1]
+    clean = hd.contacts(recording).table
+    spoilt = with_spikes(recording, foot, contact_s[:, 1], after_s=after_s)
+    remarks, found = told(spoilt)
+    (remark,) = remarks
+    assert remark.code == SPIKES
+    assert remark.values["foot"] == foot
+    assert remark.values["landings"] == len(contact_s)
+    both = clean.merge(found.table, on=["landing", "foot"], suffixes=("", "_spoilt"))
+    assert len(both) == len(clean) == both["found_spoilt"].sum()
+    moved_by = (both["contact_s_spoilt"] - both["contact_s"]).abs() / both["se_s"]
+    # The foot itself has one frame less of some tens.
+    assert moved_by[both["foot"] != foot].max() < 0.5
+    assert moved_by[both["foot"] == foot].max() < 3.0
 
 
 def test_several_feet_that_bounce_are_told_in_one_remark():

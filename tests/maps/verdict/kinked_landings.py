@@ -112,6 +112,24 @@ def fading_one_side(n=600, strength=2.0, *, within=0.4, jump=0.0, seed=1, feet=3
     return replace(data, before=before, after=after, y=y)
 
 
+def smooth_steps(width, n=600, *, feet=4, strength=0.5, seed=1):
+    """Return landings of a C1 map that bends where two feet exchange their order.
+
+    Each pair has a smooth step of this width, in contact spreads, whose half is
+    `strength` times what the outcomes vary.
+    """
+    data = landings(n, seed=seed, feet=feet)
+    rng = np.random.default_rng(97)
+    t = (data.instants - data.instants.mean(axis=1, keepdims=True)) / SPREAD_S
+    y = data.y.copy()
+    out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
+    for first, second in combinations(range(feet), 2):
+        step = np.tanh((t[:, first] - t[:, second]) / width)
+        y += step[:, None] * strength * out * rng.standard_normal(11)
+    before, after = marker_states(data.x, y, rng)
+    return replace(data, before=before, after=after, y=y)
+
+
 def kinks_of_feet(seed, *, feet=3, pair=0.0, jump=0.0, last=0.0, first=0.0):
     """Return states and instants of a C1 map, with kinks of feet 1 and 2, or others.
 

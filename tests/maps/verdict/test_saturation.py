@@ -7,7 +7,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.maps.verdict.kinked_landings import fading_one_side, landings
+from tests.maps.verdict.kinked_landings import (
+    fading_one_side,
+    landings,
+    smooth_steps,
+)
 
 from hopdata.maps.coordinates import kinks
 from hopdata.maps.verdict import effect
@@ -225,3 +229,15 @@ def test_a_jump_is_named_only_if_no_fading_bend_explains_it(feet, within, jump):
     assert ("the outcome jumps by" in found.sentence) == (jump > 0.0)
     assert ("jumps most" in found.main_contrast) == (jump > 0.0)
     assert is_unsure == (jump == 0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_jump_that_a_sharp_bend_explains_as_well_is_noted(seed):
+    bend = smooth_steps(0.3, seed=seed)
+    jump = landings(600, jump=1.0, feet=4, seed=seed)
+    for data, may_be_a_bend in ((bend, True), (jump, False)):
+        found = judge(data.before, data.after, data.instants, seed=3, flips=199)
+        codes = [note["code"] for note in found.notes]
+        assert found.jump.low > 0.0
+        assert not found.saturates
+        assert ("maps.jump_or_bend" in codes) == may_be_a_bend

@@ -38,6 +38,11 @@ def _of_a_bend():
     return _study(fading_one_side(n=600, strength=2.0))
 
 
+def _of_a_jump_beside_bends():
+    """The same, and a jump."""
+    return _study(fading_one_side(n=600, strength=2.0, jump=1.2))
+
+
 def _of_a_session():
     """Landings on two surfaces by turns."""
     data = landings(n=N, strength=0.3)
@@ -63,6 +68,7 @@ STUDIES = {
     "feet together": lambda: _study(landings(n=N, jump=0.4, feet=4, parallel=True)),
     "saturation": lambda: _study(landings(n=900, strength=1.0, spent_within=0.2)),
     "a bend like a jump": _of_a_bend,
+    "a jump beside bends": _of_a_jump_beside_bends,
     "legs and feet": _of_legs,
     "session": _of_a_session,
     "slow change": _of_slow_change,
@@ -79,6 +85,9 @@ SHOWS = {
     "a bend like a jump": lambda answer: (
         answer.jump.low == 0
         and any(note["code"] == "maps.jump_unsure" for note in answer.notes)
+    ),
+    "a jump beside bends": lambda answer: (
+        answer.jump.low > 0 and answer.saturation_p_value < 0.01
     ),
     "legs and feet": lambda answer: (
         answer.posture == "inputs of the map"

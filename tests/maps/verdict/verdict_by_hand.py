@@ -1663,40 +1663,68 @@ def saturation(section, fit, size, over_landings, study):
     return p_value, over_landings | unbounded
 
 
-def jump_beside_bends(section, fit, of_steps, study):
-    """13: the largest p-value of the jumps beside bends."""
+def jumps_beside_bends(section, fit, m, size, of_steps, level, study):
+    """13: the jump and the rows of jumps beside each time constant, the likeliest first."""
     t = section.t[fit.rows]
     steps = fit.free[:, fit.free.shape[1] - fit.v_steps.shape[1] :]
     faint = fit.free[:, : fit.free.shape[1] - fit.v_steps.shape[1]]
     with_kinks = beside(fit.mixing(np.hstack([fit.shown, faint])), fit.q)
     q = np.hstack([fit.q, basis(with_kinks)])
+    y = fit.mixing(fit.outcomes)
     found = []
+    misfits = []
     for tau in TAUS:
         bends = saturating_terms(t, section.unforetold, tau, delays)
         d = visible(beside(fit.mixing(bends), q), bends, 0.01)
         shown = beside(fit.mixing(bends @ d), q)
         beside_bends = np.hstack([q, basis(shown)])
-        scores = fitted_scores(
-            fit.mixing(steps), fit.mixing(fit.outcomes), beside_bends
+        scores = fitted_scores(fit.mixing(steps), y, beside_bends)
+        everything = np.hstack(
+            [beside_bends, basis(beside(fit.mixing(steps), beside_bends))]
         )
+        left = beside(y, everything)
+        misfits.append(np.linalg.slogdet(left.T @ left)[1])
         found.append(over_rows(scores, fit.rows, section.n))
     by_forty = any(alike(of_steps.of(scores.full)) for scores in found)
     n_signs = ceil(section.n / 40) if by_forty else section.n
     signs = random_signs(study.seed, "jump", study.flips, n_signs)
-    p_values = []
-    for scores in found:
-        errors = Errors(scores, None, signs, by_forty)
-        draws = draws_of(scores, of_steps, errors)
-        p_values.append(draws.p_value(fit.allowed_steps))
-    return max(p_values)
+    kinks = over_rows(fit.kinks, fit.rows, section.n)
+    told = []
+    for place in np.argsort(misfits, kind="stable"):
+        errors = Errors(kinks, found[place], signs, by_forty)
+        draws = draws_of(found[place], of_steps, errors)
+        effect = effect_of(draws, fit.allowed_steps, level, study)
+        effect["left"] = fit.allowed_steps
+        pairs = pair_draws(m, size, fit, of_steps, errors)
+        rows = sizes_of_pairs(pairs, effect["p_value"], study)
+        told.append((effect, [row for row in rows if row["of"] == "jump"]))
+    return told
 
 
-def only_sure_jumps(jump, rows, p_beside, level):
+def holding_all(numbers):
+    """13: the first numbers, with ends that hold those of all."""
+    found = dict(numbers[0])
+    found["low"] = min(one["low"] for one in numbers)
+    for name in ("high", "upper_bound", "p_value"):
+        if name in found:
+            found[name] = max(one[name] for one in numbers)
+    return found
+
+
+def only_sure_jumps(jump, rows, beside_bends, saturates):
     """13: the jump and the rows; jumps that are not told from bends have no low end."""
-    some = jump["low"] > 0 or any(r["low"] > 0 for r in rows if r["of"] == "jump")
-    if not some or p_beside < level:
+    if jump["low"] <= 0 and not any(r["low"] > 0 for r in rows if r["of"] == "jump"):
         return jump, rows
+    effects, of_pairs = zip(*beside_bends(), strict=True)
+    effect = holding_all(effects)
+    pairs = [holding_all(pair) for pair in zip(*of_pairs, strict=True)]
+    if effect["low"] > 0 or any(pair["low"] > 0 for pair in pairs):
+        if not saturates:
+            return jump, rows
+        told = [pairs.pop(0) if row["of"] == "jump" else row for row in rows]
+        return effect, told
     unsure = {"low": 0.0}
+    p_beside = effect["p_value"]
     told = []
     for row in rows:
         if row["of"] == "jump":
@@ -1809,8 +1837,12 @@ def verdict(x, y, instants, seed, **options):
     pairs = pair_draws(m, size, fit, of_steps, errors)
     rows = sizes_of_pairs(pairs, joint_p, study)
     if jump is not None and p_value < 0.01:
-        p_beside = jump_beside_bends(section, fit, of_steps, study)
-        jump, rows = only_sure_jumps(jump, rows, p_beside, study.level)
+
+        def beside_bends():
+            return jumps_beside_bends(section, fit, m, size, of_steps, levels[1], study)
+
+        saturates = effect["high"] is None
+        jump, rows = only_sure_jumps(jump, rows, beside_bends, saturates)
     spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
     share = effects[0]["upper_bound"] / study.margin
     holds = holds_from(section, fit, share)

@@ -356,4 +356,5 @@ def test_a_cost_to_go_that_takes_minutes_is_told_beforehand(caplog):
     assert not caplog.records
     _warn_of_time(replace(two, inputs=two.inputs[:2]), PointGrid())
     assert "625 combinations of pace and turn from each of 61440 nodes" in caplog.text
-    assert "few_nodes=True" in caplog.text
+    assert "some 3072 MB. planner(..., few_nodes=True) tries 81" in caplog.text
+    assert "from each of 7680, with 50 MB" in caplog.text

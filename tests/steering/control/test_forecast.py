@@ -55,6 +55,7 @@ def test_a_sound_model_arrives_and_is_not_named(sound):
     away = expected.error_m / np.hypot(0.005, 0.005)
     assert 0.9 < away < 1.5
     assert 0.4 < expected.covered < 0.8  # 100 hops at random in 112 cells
+    assert f"{expected.covered:.0%} of the cells of states and inputs" in str(expected)
     again, _ = foretold(*sound)
     assert again == expected
 

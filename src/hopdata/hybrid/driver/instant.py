@@ -24,6 +24,7 @@ from hopdata.hybrid.driver.jacobian import (
     HANDLERS,
     PAST_AT_START,
     PUSHED,
+    PUT,
     RESET,
     SALTATE,
     TOGETHER,
@@ -332,6 +333,8 @@ def kind_of_flip(p: problem.Problem, m: Memory, k: int, resolution: float) -> in
     meets_surface = on_another(m, resolution)
     if m.counts[at.CASCADE] > 0 and not meets_surface:
         return PUSHED
+    if m.counts[at.JUMPS] != m.counts[at.JUMPS_AT_ENTRY]:
+        return PUT
     if m.counts[at.N_DUE] > 1:
         m.counts[at.TIED] = 1
     if m.counts[at.TIED] != 0:
@@ -356,19 +359,33 @@ def turns_back(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool
     return False
 
 
+@kernel
+def has_changed_mode(p: problem.Problem) -> bool:
+    """Return whether the last handler has changed the mode or the memory."""
+    after = p.mode.width + p.params.width
+    changed = 0
+    for i in range(after):
+        changed += 1 if p.kept[i] != p.kept[after + i] else 0
+    return changed > 0
+
+
+@kernel
+def all_follow(p: problem.Problem, m: Memory, k: int, resolution: float) -> bool:
+    """Return whether the neighbours do what guard k, put onto its surface, has done.
+
+    They are on its surface as well, or off it on either side by less than counts. So
+    they must slide along it, or else cross it with a handler that does nothing.
+    """
+    if not on_surface(m, k, resolution):
+        return True  # it slides: its value is set apart
+    crosses = problem.margin_of(p, m, k, at.RATE0) > 0.0
+    return crosses and (p.on_event == 0 or not has_changed_mode(p))
+
+
 @kernel_apart
 def saltate_before(p: problem.Problem, m: Memory, k: int, kind: int) -> int:
-    """Carry the flow's Jacobian across guard k before it flips; return a status.
-
-    Where a handler has changed the state, it is unknown for a guard that meets its own
-    surface.
-    """
-    has_own_instant = kind in (ALONE, TOGETHER)
-    jumped = m.counts[at.JUMPS] != m.counts[at.JUMPS_AT_ENTRY]
-    if has_own_instant and jumped:
-        status = at.TIE_IN_JACOBIAN
-    else:
-        status = int(first_order(p, SALTATE, 0.0, kind, k, 0))
+    """Carry the flow's Jacobian across guard k before it flips; return a status."""
+    status = int(first_order(p, SALTATE, 0.0, kind, k, 0))
     if status != at.RUNNING:
         m.counts[at.CULPRIT] = k
     return status
@@ -376,13 +393,18 @@ def saltate_before(p: problem.Problem, m: Memory, k: int, kind: int) -> int:
 
 @kernel_apart
 def saltate_after(
-    p: problem.Problem, m: Memory, k: int, kind: int, resolution: float
+    p: problem.Problem, m: Memory, k: int, kind: int, jumped: bool, resolution: float
 ) -> int:
-    """Carry the flow's Jacobian across what a handler has changed; return a status."""
+    """Carry the flow's Jacobian across what a handler has changed; return a status.
+
+    `jumped` says whether it has changed the state.
+    """
     known = first_order(p, HANDLERS, 0.0, int(kind != TOGETHER), 0, 0) != 0.0
     if kind == TOGETHER:
-        jumped = m.counts[at.JUMPS] > m.counts[at.JUMPS_AT_ENTRY]
-        known = known and not jumped and not turns_back(p, m, k, resolution)
+        since_entry = m.counts[at.JUMPS] > m.counts[at.JUMPS_AT_ENTRY]
+        known = known and not since_entry and not turns_back(p, m, k, resolution)
+    elif kind == PUT:
+        known = known and not jumped and all_follow(p, m, k, resolution)
     if known:
         return at.RUNNING
     return at.TIE_IN_JACOBIAN
@@ -573,9 +595,10 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
     last_of_all = m.counts[at.ENDED] != 0 and m.counts[at.N_DUE] == 1
     if last_of_all and p.first_order == 0:
         return at.TERMINATED
+    jumped = m.counts[at.JUMPS] > jumps_before
     status = refresh(p, m)
     if p.first_order != 0 and status == at.RUNNING:
-        status = saltate_after(p, m, k, kind, resolution)
+        status = saltate_after(p, m, k, kind, jumped, resolution)
     if status != at.RUNNING:
         return status
     if m.counts[at.ENDED] != 0:
@@ -583,7 +606,6 @@ def fire_next(p: problem.Problem, m: Memory, log: Log, resolution: float) -> int
         keep_due(p, m, resolution)
     else:
         look_anew(p, m, k, resolution)
-    jumped = m.counts[at.JUMPS] > jumps_before
     if jumped and stops_bouncing(p, m, k):
         if p.rules[at.MAY_REST, k] == 0:
             return at.ZENO

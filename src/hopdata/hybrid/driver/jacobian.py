@@ -9,7 +9,9 @@ matter. It may matter if a handler changes state or field there, or if one guard
 turns another one back: then there is no derivative. The change of the field by a single
 guard's handler (through the memory, for instance) is attributed to that guard. Guards
 that a reset pushes across flip at that moment. They have no instant of their own, and
-therefore no projection.
+therefore no projection. The same holds for a guard that a reset puts exactly onto its
+surface, as a plastic impact that ends in sticking does with the slip of a foot, if it
+puts the neighbours there, too.
 """
 
 from numba import types
@@ -26,7 +28,7 @@ from hopdata.hybrid.driver.problem import (
     fill_row,
     has_flipped,
 )
-from hopdata.hybrid.driver.slopes import passes, row_address
+from hopdata.hybrid.driver.slopes import gradient_of, passes, row_address, size_of
 from hopdata.hybrid.driver.tangents import single
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.numbers import along as duals
@@ -40,12 +42,19 @@ HANDLERS = 3
 INSTANT = 4
 
 # How a guard comes to flip: alone; together with others that met their surfaces at this
-# instant; pushed across by a handler; or at the start, because it is past its surface
-# there.
+# instant; pushed across by a handler; at the start, because it is past its surface
+# there; or put onto its surface by a handler.
 ALONE = 0
 TOGETHER = 1
 PUSHED = 2
 PAST_AT_START = 3
+PUT = 4
+
+#: Change of a guard by the start, at the neighbours' own instants after a reset, below
+#: which the reset puts them onto its surface, too.
+#: Unit: 1, of the terms of that change. Origin: chosen: far above what differences of a
+#: handler leave, far below a dependence that matters.
+NOT_MOVED = 1e-6
 
 FIRST_ORDER_NATIVE = types.float64(
     types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
@@ -101,12 +110,43 @@ def on_another(m: Memory, resolution: float) -> bool:
 
 
 @kernel_apart
+def puts_neighbours(p: Problem, m: Memory, k: int) -> bool:
+    """Return whether a reset has put the neighbours onto the surface of guard k, too.
+
+    At their own instants of the guard before, whose movements are in row ALONG, the
+    value of guard k must not depend on the start: Dh Phi - (Dh f + dh/dt) ALONG = 0.
+    Then they are off the surface by the square of their distance, at most.
+    """
+    phi = p.tangent
+    n = m.states.width
+    along = single(m, at.ALONG)
+    gradient = single(m, at.GRADIENT)
+    rate = gradient_of(p, m, k)
+    moved = 0.0
+    terms = 0.0
+    for i in range(n):
+        slope = abs(phi[gradient, i])
+        terms += slope * size_of(p, m, i, m.states[at.Y, i])
+    for j in range(n):
+        size = size_of(p, m, j, m.states[at.Y, j])
+        change = -rate * phi[along, j]
+        terms += size * abs(change)
+        for i in range(n):
+            part = phi[gradient, i] * phi[i, j]
+            change += part
+            terms += size * abs(part)
+        moved += size * abs(change)
+    return moved <= NOT_MOVED * terms
+
+
+@kernel_apart
 def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
     """Pass guard k before it flips, and return a status.
 
     A guard that flips alone is only projected: `saltate_handlers` adds its jump
     together with the handler's. One of several that flip together is assigned the jump
-    by its lock. A guard that is pushed across is passed together with the reset.
+    by its lock. A guard that is pushed across, or put onto its surface, is passed
+    together with the reset.
     Neighbours of a start past a surface start past it as well, so the instant does not
     depend on the state.
     """
@@ -116,6 +156,9 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
         fill_row(phi, single(m, at.ALONG), 0.0)
     if kind in (PUSHED, PAST_AT_START):
         return at.RUNNING
+    if kind == PUT:
+        follows = puts_neighbours(p, m, k)
+        return at.RUNNING if follows else at.TIE_IN_JACOBIAN
     status = passes(p, m, k)
     if kind == TOGETHER:
         p.mode[k] = -p.mode[k]  # a trial: the guard flips later

@@ -45,7 +45,7 @@ MOST_RANGE = 2.0
 
 #: How long before the pre section a foot may touch; the flight is continued to the
 #: section.
-#: Unit: s. Origin: chosen: docs/contacts_study.md, "One meaning of down".
+#: Unit: s. Origin: chosen: docs/contacts_study.md, One meaning of "down".
 CONTINUED_S = 0.01
 
 #: Gap of the body above which a turning point may be hidden.

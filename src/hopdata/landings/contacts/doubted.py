@@ -1,9 +1,10 @@
-"""Frames of a foot that no camera saw where they stand: filled gaps, exchanged names.
+"""Frames of a foot that no camera saw where they stand: gaps filled, names exchanged.
 
 A fit takes each frame for a measurement of its own. Frames that a spline or a straight
 line put into a gap are none: with them contacts were 3.5 times as far off as stated.
-Nor are frames of another foot's marker: 8 times. Both are left out, so that the contact
-is timed from what was seen, or not at all.
+Nor are frames of another foot's marker: 8 times. Nor are spikes, single frames far off
+those beside them, which also bend the law that other feet share. All are left out, so
+that the contact is timed from what was seen, or not at all.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.landings.contacts.noise import height_noise
 
 #: Fourth difference of a coordinate, as a share of its usual one, below which a frame
 #: and the two on either side lie on one cubic. In noise a frame has three such
@@ -44,16 +46,77 @@ BETTER = 0.2
 #: are never taken for exchanged up to 0.2 s, and some are at 0.3 s, half a stride.
 LONGEST_GAP_S = 0.2
 
+#: Distance of a frame from what the frames beside it allow, from which on it is a
+#: spike, in standard deviations of a coordinate.
+#: Unit: standard deviations. Origin: derived: white noise passes 5 in 3 of 100,000
+#: frames, 6 in 8 of 10 million.
+SPIKE_SIGMAS = 6.0
+
+#: The same distance in steps from one frame to the next beside it, to which it is
+#: added: what a foot does within a frame of its contact grows with its speed.
+#: Unit: 1. Origin: chosen.
+SPIKE_STEPS = 0.25
+
+#: Share of the frames that are spikes above which they are the noise of the track.
+#: Unit: 1. Origin: chosen.
+MOST_SPIKES = 0.05
+
 # Frames that are extrapolated at a time, which bounds the memory.
 BLOCK = 10_000
 
 
 def doubted(tracks: FloatArray, *, rate_hz: float, scale: float = 1.0) -> BoolArray:
-    """Mark the frames (N, n) of markers (N, n, 3), m, that are filled or exchanged."""
-    found = np.stack(
-        [filled(track, scale=scale) for track in np.moveaxis(tracks, 1, 0)], axis=1
-    )
-    return np.asarray(found | exchanged(tracks, rate_hz=rate_hz, scale=scale))
+    """Mark the frames (N, n) of markers (N, n, 3), m, that no camera saw there.
+
+    They are filled, exchanged, or spikes.
+    """
+    kinds = kinds_of_doubt(tracks, rate_hz=rate_hz, scale=scale)
+    return np.logical_or.reduce(kinds)
+
+
+def kinds_of_doubt(
+    tracks: FloatArray, *, rate_hz: float, scale: float = 1.0
+) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Mark the frames (N, n) that are filled, those that are exchanged, and spikes."""
+    of_markers = np.moveaxis(tracks, 1, 0)
+    is_filled = np.stack([filled(one, scale=scale) for one in of_markers], axis=1)
+    is_exchanged = exchanged(tracks, rate_hz=rate_hz, scale=scale)
+    is_spike = np.zeros_like(is_filled)
+    for marker, track in enumerate(of_markers):
+        elsewhere = is_filled[:, marker] | is_exchanged[:, marker]
+        seen = track
+        if elsewhere.any():
+            seen = np.where(elsewhere[:, None], np.nan, track)
+        is_spike[:, marker] = spikes(seen, scale=scale)
+    return is_filled, is_exchanged, is_spike
+
+
+def spikes(track: FloatArray, *, scale: float = 1.0) -> BoolArray:
+    """Mark the single frames of a marker (N, 3), m, that are far off all others, (N,).
+
+    The two frames before it, the two behind it, and the two on either side each say
+    where a frame should be. A bend of the path, as at a contact, lies between what they
+    say; a spike lies far beyond all of it. Two spikes within two frames hide each
+    other.
+    """
+    marked = np.zeros(len(track), dtype=bool)
+    if len(track) < 5:
+        return marked
+    for coordinate in track.T:
+        noise_m = height_noise(coordinate[:, None], scale=scale)
+        two_before, before, here, after, two_after = (
+            coordinate[k : len(coordinate) - 4 + k] for k in range(5)
+        )
+        said = np.stack(
+            [2 * before - two_before, 2 * after - two_after, (before + after) / 2]
+        )
+        beyond_m = np.maximum(said.min(axis=0) - here, here - said.max(axis=0))
+        step_m = np.maximum(np.abs(before - two_before), np.abs(two_after - after))
+        # Not where one of the five is not seen.
+        marked[2:-2] |= beyond_m > SPIKE_SIGMAS * noise_m + SPIKE_STEPS * step_m
+    if marked.sum() > MOST_SPIKES * np.isfinite(track[:, 0]).sum():
+        return np.zeros(len(track), dtype=bool)
+    return marked
 
 
 def filled(track: FloatArray, *, scale: float = 1.0) -> BoolArray:

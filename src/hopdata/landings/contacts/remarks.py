@@ -16,7 +16,7 @@ from hopdata.errors import counted
 from hopdata.landings.contacts import descents, joined
 from hopdata.landings.contacts.altered import resampled_error
 from hopdata.landings.contacts.bounces import bounces
-from hopdata.landings.contacts.doubted import exchanged, filled
+from hopdata.landings.contacts.doubted import kinds_of_doubt
 from hopdata.landings.contacts.noise import height_noise
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
 from hopdata.landings.contacts.springs_back import springs_back
@@ -28,8 +28,9 @@ BOUNCES = "landings.foot_bounces"
 SPRINGS_BACK = "landings.foot_springs_back"
 FILLED = "landings.foot_frames_filled"
 EXCHANGED = "landings.foot_exchanged"
+SPIKES = "landings.foot_spikes"
 
-CODES = (BOUNCES, SPRINGS_BACK, FILLED, EXCHANGED)
+CODES = (BOUNCES, SPRINGS_BACK, FILLED, EXCHANGED, SPIKES)
 
 # The remark on several feet, and what it says of each.
 OF_FEET = {
@@ -37,12 +38,14 @@ OF_FEET = {
     SPRINGS_BACK: "landings.feet_spring_back",
     FILLED: "landings.feet_frames_filled",
     EXCHANGED: "landings.feet_exchanged",
+    SPIKES: "landings.feet_spikes",
 }
 _OF_EACH = {
     BOUNCES: "{foot} ({often}, some {ms:.0f} ms)",
     SPRINGS_BACK: "{foot} ({often}, by {mm:.1f} mm, {ms:.1f} ms)",
     FILLED: "{foot} ({often}, up to {ms:.0f} ms each)",
     EXCHANGED: "{foot} ({often}, up to {ms:.0f} ms each)",
+    SPIKES: "{foot} ({often})",
 }
 
 
@@ -195,13 +198,11 @@ def _instants(recording: Recording, table: pd.DataFrame) -> FloatArray:
 
 
 def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
-    """Count the landings about which frames of a foot are filled or exchanged."""
+    """Count the landings about which frames of a foot are not what cameras saw."""
     tracks = joined.tracks_of_feet(recording)
-    scale = recording.scale
-    is_filled = np.stack(
-        [filled(track, scale=scale) for track in np.moveaxis(tracks, 1, 0)], axis=1
+    is_filled, is_exchanged, is_spike = kinds_of_doubt(
+        tracks, rate_hz=recording.rate_hz, scale=recording.scale
     )
-    is_exchanged = exchanged(tracks, rate_hz=recording.rate_hz, scale=scale)
     # The markers of all feet, foot by foot.
     end = 0
     for foot, own in zip(
@@ -210,7 +211,11 @@ def _doubted(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
         markers = slice(end, end + len(own))
         end += len(own)
         spans = _spans(table, foot, recording.time_scale)
-        for code, marked in ((FILLED, is_filled), (EXCHANGED, is_exchanged)):
+        for code, marked in (
+            (FILLED, is_filled),
+            (EXCHANGED, is_exchanged),
+            (SPIKES, is_spike),
+        ):
             of_foot = np.asarray(marked[:, markers].any(axis=1))
             lasting_s = _lasting(recording, of_foot, spans)
             if (lasting_s > 0).any():

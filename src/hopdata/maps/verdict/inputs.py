@@ -37,7 +37,7 @@ from hopdata.messages import Message
 #: Share of the landings, those with the least contact spread, to which the kinks are
 #: fitted.
 #: Unit: 1. Origin: chosen: the smooth terms that are not fitted grow with the spread
-#: (decisions.md, "A tenth of the map is allowed for").
+#: (docs/decisions.md, "The verdict looks for kinks").
 WINDOW = 0.85
 
 #: Schedules with fewer landings are ignored, and so are pairs of feet with fewer in

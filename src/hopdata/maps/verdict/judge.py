@@ -33,7 +33,7 @@ from hopdata.maps.verdict.sizes import (
     Sizes,
     at_contact,
     sizes_of,
-    without_unsure_jump,
+    with_jump_beside_bends,
 )
 from hopdata.maps.verdict.what_now import (
     Limit,
@@ -369,9 +369,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     over_landings = sizes.effect
     contact = at_contact(fit, landings, comparison, over_landings, options)
     effect = contact.size
-    sizes = without_unsure_jump(
-        sizes, contact.p_value, fit, landings, comparison, options
-    )
+    sizes = with_jump_beside_bends(sizes, contact, fit, landings, comparison, options)
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
     lasting = fit.lasting(landings)
     spreads = _least(lasting, over_landings.upper_bound / margin)
@@ -390,8 +388,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(landings, fit, sizes.alike, jumps=jumps)
-    if sizes.jump_unsure and jump is not None:
-        limited += limits.unsure_jump(jump.estimate)
+    limited += limits.bends_like_jumps(sizes)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = fit.growth(landings)

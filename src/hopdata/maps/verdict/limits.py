@@ -11,6 +11,7 @@ from hopdata.maps.verdict.growth import Growth
 from hopdata.maps.verdict.model import LEFT, KinkFit
 from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
 from hopdata.maps.verdict.signs import IN_A_ROW
+from hopdata.maps.verdict.sizes import Sizes
 from hopdata.maps.verdict.words import percent
 from hopdata.messages import Message
 
@@ -141,9 +142,15 @@ def grows(growth: Growth | None) -> Notes:
     return []
 
 
-def unsure_jump(size: float) -> Notes:
-    """Return a note on a jump of this size that is not told from a bend."""
-    return [_note("jump_unsure", size=percent(size))]
+def bends_like_jumps(sizes: Sizes) -> Notes:
+    """Return a note on a jump that may be a bend, if any."""
+    if sizes.jump is None:
+        return []
+    if sizes.jump_unsure:
+        return [_note("jump_unsure", size=percent(sizes.jump.estimate))]
+    if sizes.jump_or_bend:
+        return [_note("jump_or_bend")]
+    return []
 
 
 def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> Notes:

@@ -48,7 +48,7 @@ from hopdata.messages import Message
 
 #: Apparent difference that residual smooth terms may cause in any C1 landing.
 #: Unit: share of the map. Origin: measured: a C1 hopper without noise has kinks of up
-#: to 0.08 (decisions.md, "A tenth of the map is allowed for").
+#: to 0.08 (docs/decisions.md, "The verdict looks for kinks").
 LEFT = 0.1
 
 #: The same where contacts lie far apart: this times c^1.5. Here c is the relative
@@ -56,23 +56,23 @@ LEFT = 0.1
 #: square of the contacts' spread, while the change by the fourth order grows as the
 #: cube, hence as c^1.5.
 #: Unit: 1. Origin: measured: of 1.5 c, 2 c and 4 c^1.5 the last covers C1 hoppers of
-#: other shapes (decisions.md, "Where contacts lie far apart").
+#: other shapes (docs/decisions.md, "The verdict looks for kinks").
 OF_FOURTH = 4.0
 
 #: Power of the contacts' spread with which the part that smooth terms leave grows from
 #: one window to a wider one.
 #: Unit: 1. Origin: measured: a C1 hopper without noise has kinks of 0.051, 0.060 and
 #: 0.080 in the nearest 85 %, 92 % and all landings, whose spreads are as 1, 1.08 and
-#: 1.23 (decisions.md, "A tenth of the map is allowed for").
+#: 1.23 (docs/decisions.md, "The verdict looks for kinks").
 OF_SPREAD = 2.2
 
 #: Apparent jump that residual smooth terms may cause.
 #: Unit: share of the map. Origin: measured: in other bodies smooth terms leave
-#: about as much (verdict_method.md).
+#: about as much (verdict_fit.md).
 LEFT_OF_JUMPS = 0.05
 
 #: The same where contacts lie far apart, as a share of `KinkFit.allowed`.
-#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS` (verdict_method.md).
+#: Unit: 1. Origin: measured: as for `LEFT_OF_JUMPS` (verdict_fit.md).
 OF_ALLOWED = 0.1
 
 #: Part of a true difference that smooth terms may hide, as a share of `allowed`.
@@ -208,7 +208,8 @@ class KinkFit:
     def jumps_beside_bends(self, landings: SectionLandings) -> tuple["KinkFit", ...]:
         """Return the jumps as they stand beside bends: see `saturation.beside_bends`.
 
-        There are none if no steps can be fitted.
+        Those beside the likeliest bends come first. There are none if no steps can be
+        fitted.
         """
         jumps = self.jumps
         if self.smooth is None or self.shown is None or self.faint is None:

@@ -187,10 +187,11 @@ def mean_saturated(
 def beside_bends(
     smooth: Smooth, steps: FloatArray, instants: FloatArray, rest: FloatArray
 ) -> tuple[Fit, ...]:
-    """Return steps (n, K) fitted beside bends, for each of `TIME_CONSTANTS`.
+    """Return steps (n, K) fitted beside bends of each of `TIME_CONSTANTS`.
 
-    A bend is the saturated difference of the instants of two feet: it is smooth where
-    they exchange their order, and constant where they are far apart.
+    The likeliest comes first. A bend is the saturated difference of the instants of two
+    feet: it is smooth where they exchange their order, and constant where they are far
+    apart.
 
     Parameters
     ----------
@@ -201,11 +202,16 @@ def beside_bends(
     instants, rest
         As for `mean_saturated`.
     """
-    found = []
+    fits = []
+    misfits = []
     for columns in mean_saturated(instants, rest, differences):
         distinct = Shapes(columns, columns).visible(smooth, LEAST_TERM)
-        found.append(fit_beside(smooth.and_also(columns @ distinct), steps))
-    return tuple(found)
+        with_bends = smooth.and_also(columns @ distinct)
+        fit = fit_beside(with_bends, steps)
+        explained = with_bends.without(steps) @ fit.coefficients
+        misfits.append(misfit(with_bends.without(smooth.outputs) - explained))
+        fits.append(fit)
+    return tuple(fits[k] for k in np.argsort(misfits, kind="stable"))
 
 
 def moved_instants(instants: FloatArray, rest: FloatArray) -> FloatArray:

@@ -94,7 +94,8 @@ class Forecast:
         Radius of the goal region, m.
     covered
         Share of the cells of the space of states and inputs in which a stride was
-        learned.
+        learned. The model fills in the others; the share falls with every axis, so it
+        only compares recordings of one robot.
     unresolved
         Components whose length scales in all inputs are at their upper bound: the model
         sees no effect of the inputs on them.
@@ -110,6 +111,15 @@ class Forecast:
     covered: float
     unresolved: tuple[str, ...]
     persistent: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """Say what is expected, in words."""
+        return (
+            f"arrives from {self.arrived:.0%} of the starts; a stride errs by "
+            f"{self.error_m / self.width_m:.0%} of the goal's radius and is "
+            f"{self.step_m / self.width_m:.0%} of it long; strides were learned in "
+            f"{self.covered:.0%} of the cells of states and inputs"
+        )
 
     def columns(self) -> dict[str, float | str]:
         """Return the columns that it adds to ``model_scores.csv``."""

@@ -259,7 +259,10 @@ def planner(
     few_nodes: bool = False,
     state_limits: tuple[float, float] | None = None,
 ) -> Planner:
-    """Return a planner after computing its cost-to-go, which takes a few seconds.
+    """Return a planner after computing its cost-to-go.
+
+    It takes a few seconds, with two inputs and a state a minute and some 3 GB unless
+    `few_nodes`; more than a few seconds are told before they begin.
 
     Supported are robots with no state, one periodic state or one linear state, and one
     input or two.
@@ -300,21 +303,30 @@ def planner(
     return Planner(table, objective, horizon, cost_to_go(table, grid))
 
 
+def _combinations(axes: StrideAxes, grid: Grid) -> tuple[int, int]:
+    """Return the numbers of nodes, and of combinations of inputs tried from each."""
+    n_states = grid.states if axes.states else 1
+    n_nodes = math.prod(grid.nodes().shape[:-1]) * n_states
+    return n_nodes, grid.inputs ** len(axes.inputs)
+
+
 def _warn_of_time(axes: StrideAxes, grid: Grid) -> None:
     """Say before a cost-to-go that takes minutes that it does, and what is quicker."""
-    n_inputs = grid.inputs ** len(axes.inputs)
-    n_states = grid.states if axes.states else 1
-    n_strides = math.prod(grid.nodes().shape[:-1]) * n_states * n_inputs
-    if n_strides <= MOST_STRIDES:
+    n_nodes, n_inputs = _combinations(axes, grid)
+    if n_nodes * n_inputs <= MOST_STRIDES:
         return
-    megabytes = n_strides * BYTES_A_STRIDE / 1e6
+    few_nodes, few_inputs = _combinations(axes, coarse(grid))
     logger.warning(
         "planner: the cost-to-go tries %d combinations of %s from each of %d nodes. "
-        "That takes a minute or more and some %.0f MB; few_nodes=True is quicker.",
+        "That takes a minute or more and some %.0f MB. planner(..., few_nodes=True) "
+        "tries %d from each of %d, with %.0f MB.",
         n_inputs,
         " and ".join(axes.input_names),
-        n_strides // n_inputs,
-        megabytes,
+        n_nodes,
+        n_nodes * n_inputs * BYTES_A_STRIDE / 1e6,
+        few_inputs,
+        few_nodes,
+        few_nodes * few_inputs * BYTES_A_STRIDE / 1e6,
     )
 
 
