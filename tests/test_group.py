@@ -106,9 +106,8 @@ def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     rows = [row(n, 0.01 * k) | sizes | jumps | {"name": n} for k, n in enumerate("abc")]
     group = put_together(rows, GROUP)
     assert group["conclusion"] == "different"
-    assert (
-        "more than false alarms explain. The outcome jumps in 3 of" in group["sentence"]
-    )
+    assert "3 of 3 studies are on their own" in group["sentence"]
+    assert "The outcome jumps in 3 of them" in group["sentence"]
     page = build_group_page(group, [])
     assert (
         page.count(">a jump of 12\u00a0%<")

@@ -14,8 +14,8 @@ NO_SIZES = "This study has no size of a difference for each two contact orders."
 # Axis label of each kind of size, and the columns of panels in which the kinds stand.
 LABELS = {
     "map": "difference between two maps\n(% of the map)",
-    "order": "own map against all others\n(% of what the outcome varies)",
-    "jump": "jump where two feet exchange\n(% of what the outcome varies)",
+    "order": "own map against all others\n(% of the map)",
+    "jump": "jump where two feet exchange\n(% of the map)",
 }
 COLUMNS = (("map",), ("order", "jump"))
 # Height of the figure: of the frame of a panel, and of each of its rows.

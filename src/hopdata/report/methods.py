@@ -416,9 +416,7 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         **CITED,
     }
     said = [Message("report.methods_map", values)]
-    if jump_decides:
-        said.append(Message("report.methods_jump", values))
-    elif effect is not None:
+    if effect is not None and not jump_decides:
         values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         pair = "report.methods_two_orders"
         mean = "report.methods_over_orders"
@@ -430,6 +428,8 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         values["mean"] = Message(mean)
         said.append(Message("report.methods_size", values))
         said += _of_contact(verdict)
+    if verdict.get("jump"):
+        said.append(Message("report.methods_jump", values))
     return said
 
 

@@ -82,8 +82,11 @@ def test_more_differences_than_false_alarms_explain_are_one_of_the_group(
     verdict = judge_group(table)
     assert verdict.low == 0.0
     assert (verdict.conclusion == "different") == is_different
-    more = ", more than false alarms explain" if is_different else ""
-    assert f"Different on their own: {found} of 6 studies{more}." in verdict.sentence
+    said = f"Different on their own: {found} of 6 studies."
+    if is_different:
+        said = f"{found} of 6 studies are on their own, more than false alarms explain."
+        assert "Over all of them, derivatives differ by " in verdict.sentence
+    assert said in verdict.sentence
 
 
 @pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])

@@ -223,19 +223,23 @@ def judge_group(
     conclusion = conclude(low, bound, margin)
     if alone >= fewest:
         conclusion = DIFFERENT
-    answer = sentence(
-        conclusion,
-        (estimate, low, high, bound),
-        Message("maps.all_contact_orders"),
-        confidence,
-        margin,
-        subjects=found.n,
-    )
-    alone_decides = conclusion == DIFFERENT and not low > 0.0
-    said = Message(
-        "maps.alone_decides" if alone_decides else "maps.alone",
-        {"answer": answer, "number": alone, "studies": len(members)},
-    )
+    compared = Message("maps.all_contact_orders")
+    sizes = (estimate, low, high, bound)
+    counts = {"number": alone, "studies": len(members)}
+    if conclusion == DIFFERENT and not low > 0.0:
+        of_all = {
+            "compared": compared,
+            "size": percent(estimate),
+            "confidence": as_given(confidence),
+            "low": percent(low),
+            "high": percent(high),
+        }
+        said = Message("maps.alone_decides", {**counts, **of_all})
+    else:
+        answer = sentence(
+            conclusion, sizes, compared, confidence, margin, subjects=found.n
+        )
+        said = Message("maps.alone", {"answer": answer, **counts})
     return GroupVerdict(
         conclusion=conclusion,
         sentence=str(said),

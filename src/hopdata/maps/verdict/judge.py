@@ -93,19 +93,20 @@ class Verdict(Shown):
     flips
         Number of random sign patterns.
     effect
-        Size of the difference at the simultaneous contact; None if it could not be
-        computed. If the difference saturates, it has no upper end.
+        Size of the difference at the simultaneous contact, if it does not fade unseen
+        (`twice_high_from`); None if it could not be computed. If the difference is
+        found to saturate, it has no upper end.
     effect_over_landings
         Size of the mean difference over the landings. It is the same as ``effect``
-        unless the difference saturates as the contacts come farther apart.
+        unless the difference is found to saturate as the contacts come farther apart.
     saturates, saturation_p_value
         Whether it does, and the p-value of the test for it: see `saturation`. Without
         standard errors of the instants, whether it would if they had none, or if all
         that is not foretold were errors.
     contact_spread
         Spread of the contacts: standard deviation of the instants of a landing, rms
-        over the landings, in their own unit of time. Of two feet, it is half of how far
-        apart they touch.
+        over the landings with known contacts, in their own unit of time. Of two feet,
+        it is half of how far apart they touch.
     holds_from
         Time constant, in the unit of the contact instants, from which on a difference
         that saturates is at most ``margin`` at the simultaneous contact; None if no
