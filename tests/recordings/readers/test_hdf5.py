@@ -219,7 +219,7 @@ def test_a_truth_that_is_not_whole_is_refused(tmp_path, recording, truth):
         ("time", 5.0, "dataset 'time': expected an array of numbers"),
         ("time", np.zeros((FRAMES, 2)), "time: expected an array of shape"),
         ("positions", np.zeros((FRAMES, 5, 3), complex), "found complex128"),
-        ("positions", None, "dataset 'positions': expected numbers, found none"),
+        ("positions", None, "expected hopdata's own layout, with the datasets 'time'"),
         ("@markers", 5, "attribute 'markers': expected a list of texts, found 5"),
         ("@markers", h5py.Empty("f"), "attribute 'markers': expected a list of texts"),
         (

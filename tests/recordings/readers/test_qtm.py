@@ -552,6 +552,7 @@ def test_a_table_may_spell_its_columns_in_its_own_way(tmp_path, separator):
     ("column", "factor", "told"),
     [
         ("Time [s]", 1, ""),
+        ("time_s", 1, ""),
         ("time (sec)", 1, ""),
         ("t", 1, ""),
         ("t [s]", 1, ""),

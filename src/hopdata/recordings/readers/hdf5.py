@@ -39,6 +39,9 @@ from hopdata.truth import Truth, check_sizes
 # Kinds of dtype; complex numbers, text and records are not numbers.
 _NUMBERS = "biuf"
 
+# Most datasets of another layout that a message names.
+MOST_NAMED = 5
+
 
 def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
     """Read an array of numbers as float64, or of booleans unchanged.
@@ -238,6 +241,7 @@ def _through_door(function: str, path: str | Path, *kinds: type) -> Any:
 
 def _recording(path: str | Path, most_unpacked_mb: float) -> Recording:
     with opened(path, "not a recording", most_unpacked_mb) as file:
+        _require_own_layout(file)
         recording = Recording(
             time=numbers(file, "time"),
             positions=numbers(file, "positions"),
@@ -257,6 +261,24 @@ def _recording(path: str | Path, most_unpacked_mb: float) -> Recording:
             raise ValueError(f"rate_hz: {wanted}, found {recording.rate_hz:g}")
         _require_possible(recording)
         return recording
+
+
+def _require_own_layout(file: h5py.Group) -> None:
+    """Refuse a file of another program with the way in for its arrays.
+
+    Raises
+    ------
+    ValueError
+        If the file has none of the datasets of a recording's positions.
+    """
+    if "positions" in file:
+        return
+    found = ", ".join(f"'{name}'" for name in sorted(file)[:MOST_NAMED]) or "none"
+    raise ValueError(
+        "expected hopdata's own layout, with the datasets 'time' and 'positions', "
+        f"found {found}: read other arrays in Python, and write them with "
+        "hopdata.Recording.from_arrays(...).save(FILE), or export CSV"
+    )
 
 
 def _require_possible(recording: Recording) -> None:

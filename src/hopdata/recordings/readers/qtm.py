@@ -55,7 +55,9 @@ _SECONDS = {"s", "sec", "#"}
 _LENGTHS = {"mm", "cm", "m", "in"}
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
-_IN_SECONDS = re.compile(r" ?[\[(](s|sec|seconds)[\])]$", re.IGNORECASE)
+_IN_SECONDS = re.compile(
+    r"( ?[\[(](s|sec|seconds)[\])]|_(s|sec|seconds))$", re.IGNORECASE
+)
 
 # A coordinate: `toe X`, as QTM writes it (any name may precede X), or in other forms
 # such as `toe_x`, `toe (x)` and `toe.X [mm]`.
