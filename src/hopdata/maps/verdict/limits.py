@@ -117,25 +117,27 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
     elif landings.foretold < inputs.WELL_FORETOLD and not reading.parts:
         notes.append(_note("not_foretold", share=share))
     if reading.parts:
-        notes.append(_of_unknown_errors(reading))
+        notes += _of_unknown_errors(reading)
     if fit.session:
         change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
 
 
-def _of_unknown_errors(reading: Reading) -> dict[str, Any]:
-    """Return a note on a reading whose parts are of errors and of posture."""
+def _of_unknown_errors(reading: Reading) -> Notes:
+    """Return a note on a reading of errors and of posture, if they differ."""
     of_errors, of_posture = reading.parts
+    sizes = {
+        "of_errors": percent(of_errors.sizes.effect.estimate),
+        "of_posture": percent(of_posture.sizes.effect.estimate),
+    }
     name = "errors_unknown"
     if reading.contact.saturates and not reading.surely_saturates:
         name = "errors_unknown_fades"
-    return _note(
-        name,
-        share=f"{100 * reading.landings.foretold:.1f} %",
-        of_errors=percent(of_errors.sizes.effect.estimate),
-        of_posture=percent(of_posture.sizes.effect.estimate),
-    )
+    elif sizes["of_errors"] == sizes["of_posture"]:
+        return []
+    share = f"{100 * reading.landings.foretold:.1f} %"
+    return [_note(name, share=share, **sizes)]
 
 
 def fades(growth: Growth | None) -> bool:
