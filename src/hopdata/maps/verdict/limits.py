@@ -100,11 +100,12 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
         notes.append(_note("feet_hidden", count=hidden, landings=len(landings.kept)))
     if inputs.feet_as_one(landings):
         notes.append(_note("feet_as_one"))
+    allowed = percent(reading.sizes.effect.allowed)
     without_bend = fit.allowed / fit.faded - landings.bent
     if without_bend > LEFT * (1.0 + ROUNDING) and not jumps:
-        notes.append(_note("contacts_far_apart", allowed=percent(fit.allowed)))
+        notes.append(_note("contacts_far_apart", allowed=allowed))
     if fit.faded > FAINT:
-        notes.append(_note("faint", share=share, allowed=percent(fit.allowed)))
+        notes.append(_note("faint", share=share, allowed=allowed))
     if landings.bent > BENT:
         notes.append(_note("grazes", bent=percent(landings.bent)))
     state = inputs.two_kinds(landings.inputs[:, : inputs.STATE])
@@ -125,7 +126,7 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
 
 
 def _of_unknown_errors(reading: Reading) -> Notes:
-    """Return a note on a reading of errors and of posture, if they differ."""
+    """Return a note on a reading of errors and of posture, if that matters."""
     of_errors, of_posture = reading.parts
     sizes = {
         "of_errors": percent(of_errors.sizes.effect.estimate),
@@ -134,7 +135,10 @@ def _of_unknown_errors(reading: Reading) -> Notes:
     name = "errors_unknown"
     if reading.contact.saturates and not reading.surely_saturates:
         name = "errors_unknown_fades"
-    elif sizes["of_errors"] == sizes["of_posture"]:
+    elif (
+        sizes["of_errors"] == sizes["of_posture"]
+        and reading.landings.foretold >= inputs.WELL_FORETOLD
+    ):
         return []
     share = f"{100 * reading.landings.foretold:.1f} %"
     return [_note(name, share=share, **sizes)]
