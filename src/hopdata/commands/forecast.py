@@ -7,6 +7,7 @@ answer.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -226,11 +227,15 @@ def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecas
         for entry in recording["exclude"]
     )
     most_frames = math.inf if by_number else MOST_FRAMES
-    forecast = _of_frames(config, recordings, most_frames)
-    while forecast.frames_share < 1.0 and _may_be_cured_by_more(forecast):
+    n_frames = sum(len(recording.time) for recording in recordings)
+    while most_frames < n_frames:
+        # A part may lack what the whole has.
+        with contextlib.suppress(AnalysisError):
+            forecast = _of_frames(config, recordings, most_frames)
+            if not _may_be_cured_by_more(forecast):
+                return forecast
         most_frames *= 2
-        forecast = _of_frames(config, recordings, most_frames)
-    return forecast
+    return _of_frames(config, recordings, most_frames)
 
 
 def _may_be_cured_by_more(forecast: Forecast) -> bool:

@@ -436,6 +436,10 @@ def _notes(
         notes.append(Message("commands.folder_subjects", values))
     else:
         notes.append(Message("commands.folder_one_subject", values))
+    name, n_files = Counter(subjects.names).most_common(1)[0]
+    if len(subjects.distinct) > 1 and n_files > 1:
+        pooled = {"files": counted(n_files, "file"), "subject": name, "table": table}
+        notes.append(Message("commands.folder_pooled", pooled))
     if choice.n_axis_unsure:
         axis = {
             "up": min(choice.ups),

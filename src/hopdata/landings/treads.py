@@ -31,11 +31,14 @@ from hopdata.recording import Recording
 #: Unit: s. Origin: chosen.
 LEAST_REST_S = 0.1
 
-#: Time in which a foot falls before it is nearly at its rest, of an animal of 1 m, by
-#: how much at least, and how near that is, for the same. A foot that is held in the air
-#: rises to its rest, or sinks to it slowly.
-#: Unit: s and m. Origin: chosen: 0.2 m/s, half of a careful step's.
+#: Time before a foot is nearly at its rest in which it falls by `ARRIVES_M`, of an animal
+#: of 1 m. A foot that is held in the air rises to its rest, or sinks to it slowly.
+#: Unit: s. Origin: chosen: with `ARRIVES_M` 0.2 m/s, half of a careful step's.
 ARRIVES_S = 0.05
+
+#: How near to its rest a foot nearly is, and how far it falls before, of an animal of
+#: 1 m.
+#: Unit: m. Origin: chosen: see `ARRIVES_S`.
 ARRIVES_M = 0.01
 
 #: Heights other than the floor's from which on feet step on treads.

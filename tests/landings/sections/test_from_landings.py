@@ -75,6 +75,19 @@ def test_a_part_of_a_recording_has_the_landings_that_it_shows():
     assert apart.max() < 1e-5
 
 
+def test_landings_that_begin_after_hidden_frames_are_shown():
+    recording = hopper(np.random.default_rng(1), hops=40).recording
+    landings = find_landings(recording)
+    whole = landing_heights(recording, landings)
+    hidden = recording.positions.copy()
+    for begin_s in landings["begin_s"]:
+        rising = (recording.time < begin_s) & (recording.time > begin_s - 0.1)
+        hidden[rising] = np.nan
+    found = landing_heights(replace(recording, positions=hidden), landings)
+    assert len(found) == len(whole)
+    np.testing.assert_allclose(found, whole, rtol=0, atol=1e-5)
+
+
 def test_a_recording_without_descents_has_no_landings():
     fake = hopper(np.random.default_rng(1), hops=20)
     still = fake.recording.positions * 0 + fake.recording.positions[:1]

@@ -154,7 +154,9 @@ def test_the_bound_says_what_it_does_not_cover():
     assert same.conclusion == "no difference"
     spreads = same.holds_from / same.contact_spread
     assert 0.1 < spreads < 2.0
-    words = f"one that fades within {spreads:.2g} times the spread of the contacts"
+    words = (
+        f"a difference that fades within {spreads:.2g} times the spread of the contacts"
+    )
     assert words in same.sentence
     assert "over these landings" in same.sentence
 

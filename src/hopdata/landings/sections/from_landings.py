@@ -138,7 +138,8 @@ def heights_at_contacts(
     if len(time) < 2:
         return np.empty((0, 6))
     after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
-    gap = time[after] - time[after - 1]
+    # A landing may begin with the first frame that shows the body.
+    gap = np.where(time[after] == at, 0.0, time[after] - time[after - 1])
     shown = (at >= time[0]) & (at <= time[-1]) & (gap <= HIDDEN_S * time_scale)
     return np.interp(at[shown.all(axis=1)], time, height)
 
