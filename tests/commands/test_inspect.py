@@ -65,7 +65,7 @@ def test_faults_are_listed_by_frame_and_exit_code(faulty, capsys):
     lines = [re.sub(r"\s+", " ", line) for line in capsys.readouterr().out.splitlines()]
     for part in (
         "3 suspects: 1 spike, 1 swap, 1 frozen marker.",
-        "spike frame 401 (4.000 s) hip2 is 62.0 mm off for 1 frame",
+        "spike frame 401 (4.000 s) hip2 is 60.1 mm off for 1 frame",
         "swap frame 701 (7.000 s) toe1 and toe2 exchanged to frame 900",
         "frozen frame 1501 (15.000 s) hip3 repeats one position in 30 frames",
         "1 gap, longest 100 frames (1 s) at 12 s, 5 % unseen",

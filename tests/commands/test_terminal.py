@@ -71,7 +71,7 @@ def test_inspect_draws_its_tables(faulty):
     assert re.search(r"marker +height +between +gaps", text)
     assert re.search(r"\[bold\] +[▁▂▃▄▅▆▇█]{40} +0.14 to 0.43 m +no gap", text)
     assert re.search(r"kind +frame +s +what", text)
-    assert re.search(r"spike +401 +4.000 +:smile: is 62.0 mm off for 1 frame", text)
+    assert re.search(r"spike +401 +4.000 +:smile: is 60.1 mm off for 1 frame", text)
     assert "1 suspect: 1 spike." in text
     assert "2000 at 100 Hz" in text
 

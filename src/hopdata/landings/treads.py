@@ -31,8 +31,9 @@ from hopdata.recording import Recording
 #: Unit: s. Origin: chosen.
 LEAST_REST_S = 0.1
 
-#: Time before a foot is nearly at its rest in which it falls by `ARRIVES_M`, of an animal
-#: of 1 m. A foot that is held in the air rises to its rest, or sinks to it slowly.
+#: Time before a foot is nearly at its rest in which it falls by `ARRIVES_M`, of an
+#: animal of 1 m. A foot that is held in the air rises to its rest, or sinks to it
+#: slowly.
 #: Unit: s. Origin: chosen: with `ARRIVES_M` 0.2 m/s, half of a careful step's.
 ARRIVES_S = 0.05
 
