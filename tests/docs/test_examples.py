@@ -58,9 +58,9 @@ def code_blocks(page):
 
 
 def test_the_code_in_the_page_on_the_verdict_runs():
-    (block,) = code_blocks("verdict.md")
+    three_feet, four_feet = code_blocks("verdict.md")
     scope = {"__name__": "__main__"}
-    exec(compile(block, "docs/verdict.md", "exec"), scope)
+    exec(compile(three_feet, "docs/verdict.md", "exec"), scope)
     same, other = scope["same"], scope["other"]
     assert "larger than 5.7 % of the map" in same.sentence
     assert (
@@ -70,6 +70,11 @@ def test_the_code_in_the_page_on_the_verdict_runs():
     assert other.effect.low < scope["truth"](1.0) < other.effect.high
     assert scope["truth"](1.0) == pytest.approx(0.269, abs=5e-4)
     assert other.effect.estimate == pytest.approx(repeated_size(scope), rel=0.02)
+    exec(compile(four_feet, "docs/verdict.md", "exec"), scope)
+    weights = scope["contrasts"](scope["orders"], scope["counts"])
+    of_package = scope["relative_size"](scope["maps"], weights)
+    by_definition = np.sqrt(np.mean(scope["squares"]))
+    assert by_definition == pytest.approx(of_package, rel=1e-12)
 
 
 def repeated_size(scope):
