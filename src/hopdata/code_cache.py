@@ -45,12 +45,7 @@ import numba
 import numpy as np
 from numba import NumbaError, config, njit
 
-from hopdata.private_numba import (
-    CacheFiles,
-    cache_of,
-    load_numba_arrays,
-    look_up_calls_once,
-)
+from hopdata.private_numba import CacheFiles, cache_of, load_numba_arrays
 from hopdata.seal import Seal, seal_for, seal_of
 
 logger = logging.getLogger("hopdata")
@@ -188,7 +183,6 @@ def compiled_in_cache(
     if brought is not None:
         return brought
     load_numba_arrays()
-    look_up_calls_once()
     with (
         cache_directory(function, digest) as folder,
         _alone_in(folder),

@@ -22,8 +22,6 @@ import fails here if a version of Numba lacks a name that nothing works without:
 `typing.templates`
     What an operator, a method or an attribute means for a type of ours, asked before
     what Numba defines.
-`types.functions`
-    The table of what an operation means for types of arguments, to look it up once.
 `config`
     The name of the file of settings in the working folder (`_config_fname`).
 
@@ -42,7 +40,6 @@ from numba import config, types
 from numba.core import caching, cgutils
 from numba.core.ir_utils import GuardException
 from numba.core.typeconv import Conversion
-from numba.core.types.functions import BaseFunction
 from numba.core.typing.templates import (
     AbstractTemplate,
     AttributeTemplate,
@@ -256,50 +253,7 @@ def is_null(builder: Any, pointer: Any) -> Any:
     return cgutils.is_null(builder, pointer)
 
 
-# A quicker start, and quicker compilation.
-
-#: Types of which a call of an operation gives the same wherever it stands: not those of
-#: functions, which may be compiled anew, or of what Numba has not yet settled.
-SETTLED = (
-    types.Number,
-    types.Boolean,
-    types.Literal,
-    types.BaseTuple,
-    types.Array,
-    types.SliceType,
-    types.NoneType,
-)
-
-
-@cache
-def look_up_calls_once() -> None:
-    """Let Numba remember what an operation gives for arguments of settled types.
-
-    Numba tries all meanings of an operation at each call, and does so again when it
-    translates the call: most meanings are refused by an exception, and a tenth of the
-    time to compile is lost. Only meanings that are Numba's own code are remembered.
-    Those written as Python functions (overloads) depend on options of the caller.
-    A further meaning of an operation makes another `BaseFunction`, which knows nothing.
-    """
-    try_all = BaseFunction.get_call_type
-    known: dict[int, tuple[Any, dict[Any, Any]]] = {}
-
-    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        if kws or not all(isinstance(one, SETTLED) for one in args):
-            return try_all(self, context, args, kws)
-        # It is kept with its table, so that no other object gets its number.
-        _, table = known.setdefault(id(self), (self, {}))
-        key = type(context), tuple(args)
-        if key in table:
-            found = table[key]
-            self._impl_keys[found.args] = self.typing_key
-            return found
-        found = try_all(self, context, args, kws)
-        if found is not None and self.get_impl_key(found) is self.typing_key:
-            table[key] = found
-        return found
-
-    BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]
+# A quicker start.
 
 
 @cache

@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import ast
 import importlib
-import operator
 import re
 from pathlib import Path
 
 import numba
-import numpy as np
 import pytest
 from hybrid_systems import throw
-from numba import types
-from numba.core import utils
-from numba.core.registry import cpu_target
-from numba.core.typing import signature
 from packaging.version import Version
 
 import hopdata
 from hopdata.hybrid.compiled import kernel, linking
-from hopdata.private_numba import look_up_calls_once, tried_first
 
 LIBRARY = Path(hopdata.__file__).parent
 PUBLIC = {"numba", "numba.extending", "numba.types", "numba.typed", "numba.errors"}
@@ -96,52 +89,3 @@ def test_what_is_made_of_it_integrates():
     from hopdata.hybrid import solve
 
     assert solve(throw(), (0.0, 3.0), [0.0, 2.5], params=(2.0, 1.0)).success
-
-
-@pytest.mark.parametrize(
-    ("operation", "given", "looks"),
-    [
-        (operator.mul, (types.int16, types.float32), 0),
-        (operator.getitem, (types.Array(types.int16, 1, "A"), types.uint8), 0),
-        # Compiled for the options of each caller.
-        (np.sinc, (types.float32,), 2),
-        # Numba may settle other types later.
-        (operator.add, (types.unicode_type, types.unicode_type), 2),
-    ],
-)
-def test_what_a_call_gives_is_looked_up_once(monkeypatch, operation, given, looks):
-    look_up_calls_once()
-    context = cpu_target.typing_context
-    context.refresh()
-    function = context.resolve_value_type(operation)
-    looked = []
-    order = utils.order_by_target_specificity
-
-    def counted(*arguments, **named):
-        looked.append(arguments)
-        return order(*arguments, **named)
-
-    first = function.get_call_type(context, given, {})
-    implementation = function.get_impl_key(first)
-    monkeypatch.setattr(utils, "order_by_target_specificity", counted)
-    for _ in range(2):
-        assert function.get_call_type(context, given, {}) == first
-        assert function.get_impl_key(first) is implementation
-    assert len(looked) == looks
-
-
-def test_a_further_meaning_of_an_operation_is_seen():
-    """What is remembered belongs to the meanings that there were."""
-    look_up_calls_once()
-    context = cpu_target.typing_context
-    context.refresh()
-    odd = types.Opaque("odd, of this test")
-    given = (types.int16, types.int16)
-    before = context.resolve_value_type(operator.matmul)
-    for _ in range(2):
-        with pytest.raises(numba.TypingError):
-            before.get_call_type(context, given, {})
-    tried_first(operator.matmul, lambda *kinds: signature(odd, *kinds))
-    context.refresh()
-    after = context.resolve_value_type(operator.matmul)
-    assert after.get_call_type(context, given, {}).return_type == odd
