@@ -103,20 +103,29 @@ def spikes(track: FloatArray, *, scale: float = 1.0) -> BoolArray:
     if len(track) < 5:
         return marked
     for coordinate in track.T:
-        noise_m = height_noise(coordinate[:, None], scale=scale)
-        two_before, before, here, after, two_after = (
-            coordinate[k : len(coordinate) - 4 + k] for k in range(5)
-        )
-        said = np.stack(
-            [2 * before - two_before, 2 * after - two_after, (before + after) / 2]
-        )
-        beyond_m = np.maximum(said.min(axis=0) - here, here - said.max(axis=0))
-        step_m = np.maximum(np.abs(before - two_before), np.abs(two_after - after))
-        # Not where one of the five is not seen.
-        marked[2:-2] |= beyond_m > SPIKE_SIGMAS * noise_m + SPIKE_STEPS * step_m
+        marked[2:-2] |= _far_beyond(coordinate, scale=scale)
     if marked.sum() > MOST_SPIKES * np.isfinite(track[:, 0]).sum():
         return np.zeros(len(track), dtype=bool)
     return marked
+
+
+def _far_beyond(coordinate: FloatArray, *, scale: float) -> BoolArray:
+    """Mark the frames of a coordinate (N,) far beyond what those beside say, (N - 4,).
+
+    None is marked where one of the five is not seen.
+    """
+    two_before = coordinate[:-4]
+    before = coordinate[1:-3]
+    here = coordinate[2:-2]
+    after = coordinate[3:-1]
+    two_after = coordinate[4:]
+    from_before = 2 * before - two_before
+    from_behind = 2 * after - two_after
+    said = np.stack([from_before, from_behind, (before + after) / 2])
+    beyond_m = np.maximum(said.min(axis=0) - here, here - said.max(axis=0))
+    step_m = np.maximum(np.abs(before - two_before), np.abs(two_after - after))
+    noise_m = height_noise(coordinate[:, None], scale=scale)
+    return np.asarray(beyond_m > SPIKE_SIGMAS * noise_m + SPIKE_STEPS * step_m)
 
 
 def filled(track: FloatArray, *, scale: float = 1.0) -> BoolArray:
