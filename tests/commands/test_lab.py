@@ -144,18 +144,22 @@ def test_files_with_y_up_and_with_z_up_are_read_each_along_its_own(folder):
     assert config["input"]["vertical_axis"] == "auto"
 
 
-def test_files_that_do_not_show_what_is_up_take_it_from_the_others(
-    folder, monkeypatch, capsys
-):
-    for k, n_frames in enumerate((300, 310, 301)):
-        write_trc(folder / f"jump{k}.trc", trial(k, n_frames=n_frames))
+@pytest.fixture
+def unsure_of_301_frames(monkeypatch):
+    """Files of 301 frames do not show what is up."""
     guessed = orientation.guess_unit_and_up
 
-    def unsure_in_the_last(raw, **options):
+    def unsure(raw, **options):
         unit, up = guessed(raw, **options)
         return unit, replace(up, is_sure=len(raw.time) != 301)
 
-    monkeypatch.setattr(orientation, "guess_unit_and_up", unsure_in_the_last)
+    monkeypatch.setattr(orientation, "guess_unit_and_up", unsure)
+
+
+@pytest.mark.usefixtures("unsure_of_301_frames")
+def test_files_that_do_not_show_what_is_up_take_it_from_the_others(folder, capsys):
+    for k, n_frames in enumerate((300, 310, 301)):
+        write_trc(folder / f"jump{k}.trc", trial(k, n_frames=n_frames))
     assert main(["init", "day"]) == 0
     assert "what is up is not clear in 1 file: taken as y" in capsys.readouterr().out
     config = load_config("config/day.yaml")
@@ -163,19 +167,13 @@ def test_files_that_do_not_show_what_is_up_take_it_from_the_others(
     assert config["input"]["vertical_axis"] == "y"
 
 
+@pytest.mark.usefixtures("unsure_of_301_frames")
 def test_files_that_do_not_show_what_is_up_are_left_out_where_others_disagree(
-    folder, monkeypatch, capsys
+    folder, capsys
 ):
     write_c3d(folder / "a.c3d", trial(1, n_frames=300))
     write_trc(folder / "b.trc", trial(2, n_frames=300))
     write_trc(folder / "c.trc", trial(3, n_frames=301))
-    guessed = orientation.guess_unit_and_up
-
-    def unsure_in_the_last(raw, **options):
-        unit, up = guessed(raw, **options)
-        return unit, replace(up, is_sure=len(raw.time) != 301)
-
-    monkeypatch.setattr(orientation, "guess_unit_and_up", unsure_in_the_last)
     assert main(["init", "day"]) == 0
     assert "left out: c.trc" in capsys.readouterr().out
     assert len(load_config("config/day.yaml")["recordings"]) == 2
