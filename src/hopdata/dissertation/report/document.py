@@ -29,8 +29,8 @@ After this page you know what each result of the dissertation *C1-Smooth Multi-C
 Dynamics for Robotics* prints, and what the printed method and hopdata's own give here.
 
 `snakemake --cores 2 dissertation` measures every number, and makes the same table with
-figures in `results/dissertation/index.html`. `make dissertation-docs` writes this page
-from it. `printed: true` in a configuration gives a study all printed methods."""
+figures in `results/dissertation/index.html`. A study with `printed: true` uses all
+printed methods."""
 
 
 def build_document(items: Sequence[Item], records: Sequence[Record]) -> str:
