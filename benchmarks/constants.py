@@ -426,7 +426,7 @@ def keep_rows(made: Sequence[Moved]) -> None:
 
 
 def page() -> str:
-    """Return the page of all constants: a section a room, a table a module."""
+    """Return the page of all constants: a table a room, in which each module has a row."""
     rows = known_rows()
     text = [
         "# Constants",
@@ -435,9 +435,9 @@ def page() -> str:
         "what it moves.",
         "",
         "The last column says what a value 1.5 times larger or smaller moves in the bundled",
-        "sample, in its control and in a public recording of a runner; a dash: not tried.",
-        "*Impossible*: the study ends in an error. `benchmarks/constants.py` of the source measures",
-        "it; all numbers stand in `benchmarks/last_run/constants.csv`.",
+        "sample, its control and a public recording of a runner. A dash: not tried; *impossible*:",
+        "the study ends in an error. All numbers: `benchmarks/last_run/constants.csv`, made by",
+        "`benchmarks/constants.py`.",
         "",
         "| origin | the number comes from |",
         "|---|---|",
@@ -455,11 +455,11 @@ def page() -> str:
     usual = usual_of(rows)
     by_room = sorted(constants(), key=lambda one: one.room or "~")
     for room, in_room in groupby(by_room, key=lambda one: one.room):
-        text += [f"## {room or 'Modules beside the rooms'}", ""]
+        text += [f"## {room or 'Modules beside the rooms'}", "", *HEADER]
         for module, in_module in groupby(in_room, key=lambda one: one.module):
-            text += [f"### {module}", "", *HEADER]
+            text.append(f"| **{module}** |" + " |" * (HEADER[0].count("|") - 2))
             text += [table_row(one, rows, usual) for one in in_module]
-            text.append("")
+        text.append("")
     return "\n".join(text).rstrip() + "\n"
 
 
@@ -468,8 +468,8 @@ def measured_where() -> list[str]:
     measured = [one for one in constants() if one.origin == "measured"]
     named = sum(PLACE.search(one.why) is not None for one in measured)
     return [
-        f"Of {len(measured)} measured numbers {named} name the benchmark, test, table or page that",
-        "has the measurement; no program of the source makes the others again.",
+        f"Of {len(measured)} measured numbers {named} name the benchmark, test, table or page that has the",
+        "measurement. No program makes the others again.",
     ]
 
 
@@ -495,9 +495,9 @@ def summary(rows: Sequence[Moved]) -> list[str]:
         f"Of {len(tried)} numbers that were tried, {len(tried) - len(moving)} move nothing in",
         "these studies: they decide what is refused or noticed in less sound data, or how numbers",
         f"are rounded. {len(moving) - len(large)} move something that no reader would see. These",
-        f"{len(large)} change a conclusion, or one of the following by more than is said: the number",
-        f"of landings ({SHARE:.0%}), estimate or bound ({PART:.0%} of the bound), a section",
-        f"({SECTION_MM:g} mm), contact instants (rms; a third of their stated error).",
+        f"{len(large)} change a conclusion, or by more than is said the number of landings",
+        f"({SHARE:.0%}), estimate or bound ({PART:.0%} of the bound), a section",
+        f"({SECTION_MM:g} mm), or contact instants (rms; a third of their stated error).",
         "",
         "| constant | what it moves |",
         "|---|---|",
@@ -553,7 +553,7 @@ def baselines(usual: dict[tuple[str, str], dict[str, str]]) -> list[str]:
     something else. A row that a constant moves is compared with its own room only.
     """
     text = [
-        "Rooms were tried on different days. A trial is compared with the baseline of its room:",
+        "Rooms were tried on different days, so each has a baseline:",
         "",
         "| room | study | landings | estimate | bound |",
         "|---|---|---|---|---|",

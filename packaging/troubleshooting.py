@@ -33,13 +33,12 @@ HEAD = """\
 <!-- Written by `make docs` from the messages and packaging/what_to_do.toml. -->
 
 After this page you know what a message means and what to do about it. Search it for the
-message's words, or for its code in `verdict.json`. Words in braces are filled in. If
-the last column is empty, the sentence says what to do, or nothing is to be done.
+message's words, or for its code in `verdict.json`. Words in braces are filled in. Where
+the last column is empty, the sentence says what to do.
 
-An **error** is one line, with exit code 1: the file, line or key; what was expected;
-what was found; what to do. `hopdata doctor` says what the installation lacks, and
-`results/STUDY/logs` has a log of each job. After an interruption, the same command
-goes on.
+An **error** is one line, with exit code 1: the place, what was expected, what was found,
+what to do. `hopdata doctor` says what the installation lacks, and `results/STUDY/logs`
+has a log of each job.
 """
 
 TABLE = "| code | message | what to do |\n|---|---|---|\n"
