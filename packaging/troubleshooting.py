@@ -36,7 +36,7 @@ After this page you know what a message means and what to do about it. Search it
 message's words, or for its code in `verdict.json`. Words in braces are filled in. Where
 the last column is empty, the sentence says what to do.
 
-An **error** is one line, with exit code 1: the place, what was expected, what was found,
+An **error** is one line, with exit code 1: the place, what was expected and found, and
 what to do. `hopdata doctor` says what the installation lacks, and `results/STUDY/logs`
 has a log of each job.
 """
