@@ -135,6 +135,52 @@ def test_there_is_no_derivative_at_the_limit(system):
     assert solution.status in (GRAZING_IN_JACOBIAN, ZENO)
 
 
+@pytest.mark.parametrize("restitution", [0.5, 0.8])
+def test_a_jacobian_that_is_lost_in_a_pile_up_tells_guard_limit_and_way_out(
+    restitution,
+):
+    params = [restitution, 0.0, 1.0]
+    lost = solve(ball, (0.0, 9.0), [1.0, 0.0], params=params, jacobian=True)
+    assert lost.status == GRAZING_IN_JACOBIAN
+    assert abs(lost.limit.time - limit_of_bounces(restitution)) < 1e-9
+    for told in (
+        f"Guard '{ball.guard_names[0]}' is grazed at",
+        f"Its events pile up, {lost.n_events} of them so far",
+        f"limit is t = {lost.limit.time:.17g}",
+        "End the run before",
+    ):
+        assert told in lost.message
+    piled = solve(ball, (0.0, 9.0), [1.0, 0.0], params=params)
+    assert piled.status == ZENO
+    assert "on_zeno='rest'" in piled.message
+
+
+@field
+def swung(t, y, mode, params, dy):
+    dy[0] = 1.0
+
+
+@guards
+def last_grazes(t, y, dy, mode, params, h, hdot):
+    # Crossed at 1, 1.5, 1.75 and 1.875, at gaps that halve; then grazed at params[0].
+    one, two, three, four = y[0] - 1.0, y[0] - 1.5, y[0] - 1.75, y[0] - 1.875
+    away = y[0] - params[0]
+    rise = one * two * three * four
+    slope = two * three * four + one * three * four
+    slope += one * two * four + one * two * three
+    h[0] = rise * away**3
+    hdot[0] = (slope * away**3 + 3.0 * rise * away**2) * dy[0]
+
+
+def test_a_graze_behind_gaps_that_shrink_is_no_pile_up():
+    system = System(swung, last_grazes, n_states=1, guard_names=("line",))
+    found = solve(system, (0.0, 4.0), [0.0], params=[3.0], jacobian=True)
+    assert found.status == GRAZING_IN_JACOBIAN
+    np.testing.assert_allclose(found.events.time, [1, 1.5, 1.75, 1.875], atol=1e-8)
+    assert found.limit is None
+    assert "pile up" not in found.message
+
+
 def test_wrong_declarations_are_refused():
     with pytest.raises(ValueError, match="on_zeno"):
         replace(ball, on_zeno="go on")

@@ -366,6 +366,21 @@ CLOSE_CALLS = (
     "In {count} steps a guard turned so close to its surface that the tolerance cannot "
     "tell whether it flips."
 )
+LIMIT_OF_EVENTS = (
+    "By the last gaps between them, their limit is t = {time:.17g}, to within "
+    "{error:.2g} s."
+)
+# What to do, after this sentence; the second if the Jacobian was carried.
+PILE_UP = (
+    "Let the guard rest there (System(..., sliding=('{guard}',), on_zeno='rest')), or "
+    "end the run before, by a handler that returns 1 below a speed (docs/sliding.md, "
+    "Events that pile up)."
+)
+PILE_UP_IN_JACOBIAN = (
+    "Its events pile up, {count} of them so far, and their rates vanish: the flow has "
+    "no Jacobian through the limit, at rest neither. End the run before, by t_span or "
+    "by a handler that returns 1 below a speed (docs/sliding.md, Events that pile up)."
+)
 DEPENDENT_SURFACES = (
     "Where guards that slide depend on each other, as the friction of two bodies on "
     "the ground and on each other, so that two at rest give a third, no mix of fields "

@@ -440,10 +440,7 @@ class Solution(Told):
         )
         told = [ended]
         if self.limit is not None:
-            told.append(
-                "By the last gaps between them, their limit is "
-                f"t = {self.limit.time:.17g}, to within {self.limit.time_error:.2g} s."
-            )
+            told += self._told_of_pile_up(self.limit)
         if self.status == layout.ZENO and self.form.slides is not None:
             told.append(layout.DEPENDENT_SURFACES)
         if self.n_unproven > 0:
@@ -463,17 +460,32 @@ class Solution(Told):
             told.append(layout.MISSED_INSTANTS.format(count=self.n_unsought))
         return " ".join(told)
 
+    def _told_of_pile_up(self, limit: Limit) -> list[str]:
+        """Return sentences on where events pile up, and on what to do."""
+        where = layout.LIMIT_OF_EVENTS.format(time=limit.time, error=limit.time_error)
+        if self.status == layout.GRAZING_IN_JACOBIAN:
+            count = int((self.events.guard == self.culprit).sum())
+            return [layout.PILE_UP_IN_JACOBIAN.format(count=count), where]
+        guard = self.form.guard_names[self.culprit]
+        return [where, layout.PILE_UP.format(guard=guard)]
+
     @cached_property
     def limit(self) -> Limit | None:
-        """Where the events pile up that ended the run (status -7), if it is known.
+        """Where the events pile up that ended the run, if it is known.
 
-        It is not if the events were not kept, or if the gaps between them do not shrink
-        like those of a series that converges.
+        Its status is -7; or -8 with a Jacobian, which is lost before the limit, where
+        the events nearly graze. It is not known if the events were not kept, or if the
+        gaps between them do not shrink like those of a series that converges.
         """
-        if self.status != layout.ZENO:
+        if self.status not in (layout.ZENO, layout.GRAZING_IN_JACOBIAN):
+            return None
+        if not self.form.way > 0.0:
             return None
         found = limit_of(self.events, self.culprit)
-        if found is None or self.form.way > 0.0:
+        if found is None or self.status == layout.ZENO:
+            return found
+        # A graze that is none of the series comes after its limit.
+        if self.t_end <= found.time + found.time_error:
             return found
         return None
 
