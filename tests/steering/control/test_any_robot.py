@@ -164,6 +164,13 @@ def test_scatter_and_tail_cost_are_those_of_the_robot():
     assert planner(Known(), grid=small).cost_to_go.grid == small
 
 
+def test_few_nodes_beside_a_grid_are_refused():
+    with pytest.raises(ConfigError, match="planner: expected no few_nodes beside a"):
+        planner(Unicycle(), grid=COARSE, few_nodes=True)
+    own = planner(Unicycle(), few_nodes=True).cost_to_go.grid
+    assert own.nodes().size < PointGrid().nodes().size
+
+
 class Double(Glider):
     """Has two states."""
 

@@ -278,6 +278,7 @@ def planner(
         By default the hopper's; for another robot with its own scatter and tail cost.
     few_nodes : bool
         Whether the default grid has so few nodes that the cost-to-go takes a second.
+        A grid that is given has its own nodes.
     state_limits : (float, float), optional
         Least and largest value of a linear state; by default those of the strides that
         the model has learned from, or of the input that sets it.
@@ -285,8 +286,12 @@ def planner(
     Raises
     ------
     ConfigError
-        If the robot is not supported, or the limits of its state are not known.
+        If the robot is not supported, or the limits of its state are not known; if
+        `few_nodes` is asked for beside a grid.
     """
+    if few_nodes and grid is not None:
+        wanted = "no few_nodes beside a grid, which has its own nodes"
+        raise ConfigError.at("planner", wanted, "few_nodes=True")
     objective = objective or objectives.ToPoint()
     horizon = horizon or objectives.Horizon(hops=2)
     known = f"one of {sorted(INPUTS_TRIED)}"
@@ -315,7 +320,8 @@ def _warn_of_time(axes: StrideAxes, grid: Grid) -> None:
     n_nodes, n_inputs = _combinations(axes, grid)
     if n_nodes * n_inputs <= MOST_STRIDES:
         return
-    few_nodes, few_inputs = _combinations(axes, coarse(grid))
+    by_default = type(grid)()  # few_nodes makes that coarser, not a grid that is given
+    few_nodes, few_inputs = _combinations(axes, coarse(by_default))
     logger.warning(
         "planner: the cost-to-go tries %d combinations of %s from each of %d nodes. "
         "That takes a minute or more and some %.0f MB. planner(..., few_nodes=True) "
