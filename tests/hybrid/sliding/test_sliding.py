@@ -174,6 +174,29 @@ def test_an_impact_after_which_one_start_alone_sticks_has_no_derivative():
     assert len(refused.events) == 1
 
 
+def place_and_speed(t, y, params):
+    return y[0] + 0.3 * y[2] + 0.2 * y[1] - 0.7 * y[3]
+
+
+@pytest.mark.skipif("'ALL' not in os.environ", reason="compiles for a minute: ALL=1")
+def test_the_gradient_through_an_impact_is_refused_where_one_start_alone_sticks():
+    options = {"rtol": 1e-11, "atol": 1e-13}
+    start = np.array([0.0, 0.05, 0.3, 0.0])
+    before = landed(start, [0.6, 0.3, 0.0, 0.0])[0].events.before[0, 2]
+    weights = np.array([1.0, 0.2, 0.3, -0.7])
+    # The impulse of friction that stops all neighbours, then blows of a fixed size.
+    for blow in (0.0, 1.01 * before, 0.99 * before):
+        params = [0.6, 0.3, blow, 0.0]
+        given = {"params": params, "at_end": place_and_speed}
+        found = gradient(foot, (0.0, 2.0), start, **given, **options)
+        slopes = weights @ landed(start, params)[1]
+        np.testing.assert_allclose(found.by_start, slopes, atol=1e-6)
+    given = {"params": [0.6, 0.3, before, 0.0], "at_end": place_and_speed}
+    refused = gradient(foot, (0.0, 2.0), start, **given, **options)
+    assert refused.status == TIE_IN_JACOBIAN
+    assert np.isnan(refused.by_params).all()
+
+
 def test_neighbours_of_a_corner_have_the_bouligand_derivative():
     """They meet both surfaces in either order, and slide along one and then both."""
     apart = 1e-5

@@ -79,6 +79,23 @@ def by_leaving(code: Recorders, room: Room, run: Run, instant: FlipInstant) -> f
 
 
 @kernel_apart
+def reset_back(code: Recorders, room: Room, run: Run, e: int, t: float) -> float:
+    """Carry derivatives to before the handler of flip `e`, on its tape.
+
+    Returns the derivative by the handler's time.
+    """
+    flips = run.flips
+    if flips.counts[e] == 0:
+        return 0.0
+    k = flips.guard[e]
+    direction = flips.direction[e]
+    mode = room.locked
+    copy(run.replayed.mode[e], mode)
+    mode[k] = direction
+    return float(handler_back(code, room, t, flips.before[e], mode, k, direction))
+
+
+@kernel_apart
 def flip_back(
     code: Recorders, room: Room, run: Run, e: int, t: float, by_instant: float
 ) -> tuple[float, float]:
@@ -95,16 +112,31 @@ def flip_back(
     by_instant += by_time
     for i in range(n):
         by_state[i] += room.event_loss[1, i]
-    if flips.counts[e] != 0:
-        k = flips.guard[e]
-        direction = flips.direction[e]
-        mode = room.locked
-        copy(run.replayed.mode[e], mode)
-        mode[k] = direction
-        by_instant += handler_back(code, room, t, flips.before[e], mode, k, direction)
+    by_instant += reset_back(code, room, run, e, t)
     for i in range(n):
         by_state[i] += room.event_loss[0, i]
     return value, by_instant
+
+
+@kernel_apart
+def first_meeting_back(
+    code: Recorders, room: Room, run: Run, instant: FlipInstant, by_instant: float
+) -> int:
+    """Carry derivatives from before the first handler to before the instant.
+
+    Returns a status. `by_instant` is the derivative by the instant so far.
+    """
+    first = instant.first
+    k = run.flips.guard[first]
+    y = run.flips.before[first]
+    mode = run.replayed.mode[first]
+    begin_tape(room, run.replayed.params[first])
+    field_value(code, room, instant.t, y, mode, F_BEFORE)
+    if instant.since == 0.0 and not has_met(code, room, k, instant, y, mode):
+        return at.RUNNING  # past its surface at the start: so are its neighbours
+    for i in range(len(y)):
+        by_instant += room.rows[BY_STATE, i] * room.rows[F_BEFORE, i]
+    return int(meeting_back(code, room, run.tolerance, k, instant, y, mode, by_instant))
 
 
 @kernel_apart
@@ -129,14 +161,4 @@ def event_back(
     for e in range(instant.last - 1, instant.first - 1, -1):
         value, by_instant = flip_back(code, room, run, e, instant.t, by_instant)
         found[0] += value
-    first = instant.first
-    k = run.flips.guard[first]
-    y = run.flips.before[first]
-    mode = run.replayed.mode[first]
-    begin_tape(room, run.replayed.params[first])
-    field_value(code, room, instant.t, y, mode, F_BEFORE)
-    if instant.since == 0.0 and not has_met(code, room, k, instant, y, mode):
-        return at.RUNNING  # past its surface at the start: so are its neighbours
-    for i in range(len(y)):
-        by_instant += room.rows[BY_STATE, i] * room.rows[F_BEFORE, i]
-    return meeting_back(code, room, run.tolerance, k, instant, y, mode, by_instant)
+    return first_meeting_back(code, room, run, instant, by_instant)

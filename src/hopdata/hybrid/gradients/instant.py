@@ -9,6 +9,7 @@ from hopdata.arrays import FloatArray
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.gradients.event import event_back
+from hopdata.hybrid.gradients.onto_surface import flips_before, neighbours_follow
 from hopdata.hybrid.gradients.recorders import Recorders
 from hopdata.hybrid.gradients.surface import has_met
 from hopdata.hybrid.gradients.sweep import begin_tape, is_full
@@ -45,15 +46,6 @@ def instant_of(run: Run, last: int) -> FlipInstant:
         before = rows[first - 1]
     span = times[len(times) - 1] - times[0]
     return FlipInstant(t, t - times[before], span, first, last)
-
-
-@kernel
-def flips_before(flips: Flips, instant: FlipInstant, e: int) -> bool:
-    """Return whether the guard of flip `e` flips before it at the same instant."""
-    again = False
-    for other in range(instant.first, e):
-        again = again or flips.guard[other] == flips.guard[e]
-    return again
 
 
 @kernel_apart
@@ -95,6 +87,8 @@ def instant_back(
         status = at.TIE_IN_JACOBIAN
     elif together:
         status = together_back(code, room, run, instant, found)
+    elif not neighbours_follow(code, room, run, instant):
+        status = at.TIE_IN_JACOBIAN
     else:
         status = event_back(code, room, run, instant, ends, by_end, found)
     if is_full(room):

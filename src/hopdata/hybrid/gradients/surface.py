@@ -36,6 +36,30 @@ ROUNDED = 1e-12
 
 
 @kernel_apart
+def guard_at(
+    code: Recorders,
+    room: Room,
+    k: int,
+    instant: FlipInstant,
+    y: FloatArray,
+    mode: IntArray,
+) -> tuple[float, float, float]:
+    """Return guard k's derivative by the time, its rate, and the size of its terms.
+
+    Its derivatives by states and parameters are where `differentiate_guard` puts them.
+    """
+    by_time = differentiate_guard(code, room, k, instant.t, y, mode)
+    rate = by_time
+    size = abs(by_time * instant.t)
+    for i in range(len(y)):
+        slope = room.rows[GUARD_BY_STATE, i]
+        f = room.rows[F_BEFORE, i]
+        rate += slope * f
+        size += abs(slope) * (abs(y[i]) + instant.since * abs(f))
+    return by_time, rate, size
+
+
+@kernel_apart
 def has_met(
     code: Recorders,
     room: Room,
@@ -48,15 +72,8 @@ def has_met(
     p = len(room.params)
     rewind(room, p)
     set_params_aside(room, p)
-    by_time = differentiate_guard(code, room, k, instant.t, y, mode)
+    _, rate, size = guard_at(code, room, k, instant, y, mode)
     restore_params(room, p, 0.0)
-    rate = by_time
-    size = abs(by_time * instant.t)
-    for i in range(len(y)):
-        slope = room.rows[GUARD_BY_STATE, i]
-        f = room.rows[F_BEFORE, i]
-        rate += slope * f
-        size += abs(slope) * (abs(y[i]) + instant.since * abs(f))
     return abs(room.h[k, 0]) <= MET * instant.since * abs(rate) + ROUNDED * size
 
 

@@ -142,14 +142,15 @@ class Room(NamedTuple):
     stage_bounds: IntArray  # first place of each stage, and that after its last, (s, 2)
     by_stage: FloatArray  # derivatives by the stages' states, (s, n)
     set_aside: FloatArray  # adjoint of the parameters meanwhile, (p,)
+    kept: FloatArray  # the same, while guards are asked about neighbours, (p,)
     mode: IntArray  # as a handler changes it, (m,)
     locked: IntArray  # the mode with a guard's new lock, (m,)
     limits: FloatArray  # first and last time that the field sees, (2,)
     event_loss: FloatArray  # derivatives by the states before and after it, (2, n)
-    rows: FloatArray  # plain numbers, (6, n), and what each holds:
+    rows: FloatArray  # plain numbers, (7, n), and what each holds:
 
 
-F_BEFORE, F_AFTER, GUARD_BY_STATE, AHEAD, SCRATCH, BY_STATE = range(6)
+F_BEFORE, F_AFTER, GUARD_BY_STATE, AHEAD, SCRATCH, BY_STATE, KEPT = range(7)
 
 
 def room_for(system: System, p: int, n_stages: int, places: int) -> Room:
@@ -176,9 +177,10 @@ def room_for(system: System, p: int, n_stages: int, places: int) -> Room:
         stage_bounds=np.zeros((n_stages, 2), dtype=np.int64),
         by_stage=np.zeros((n_stages, n)),
         set_aside=np.zeros(p),
+        kept=np.zeros(p),
         mode=np.zeros(system.n_modes, dtype=np.int64),
         locked=np.zeros(system.n_modes, dtype=np.int64),
         limits=np.array([-np.inf, np.inf]),
         event_loss=np.zeros((2, n)),
-        rows=np.zeros((6, n)),
+        rows=np.zeros((7, n)),
     )
