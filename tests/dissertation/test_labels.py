@@ -8,6 +8,7 @@ import yaml
 
 from hopdata.config.loading import load_config
 from hopdata.dissertation.items import read_part
+from hopdata.dissertation.labelling import recorded, sample_by_both, touchdowns
 from hopdata.dissertation.parts import labels
 from hopdata.dissertation.report.sentences import filled
 from hopdata.dissertation.rows import Agreement
@@ -38,18 +39,18 @@ def made(tmp_path_factory):
         folder / "short.h5", simulate_recording({"hops": 150}, seed=3, name="short")
     )
     files = {
-        "SAMPLE_FILE": configuration("short"),
-        "THESIS_FILE": configuration(
+        (sample_by_both, "SAMPLE_FILE"): configuration("short"),
+        (recorded, "THESIS_FILE"): configuration(
             "thesis",
             recordings=[{"name": "one", "simulation": {"duration_s": 40.0}}],
         ),
     }
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for name, content in files.items():
+        for (module, name), content in files.items():
             file = folder / f"{content['study']}.yaml"
             file.write_text(yaml.safe_dump(content))
-            patch.setattr(labels, name, str(file))
+            patch.setattr(module, name, str(file))
         found = labels.make([1, 2])
     by_item = {row.item: row for row in found.rows}
     return SimpleNamespace(rows=by_item, tables=found.tables)
@@ -140,4 +141,4 @@ def test_the_study_printed_is_the_sample_by_the_printed_methods():
     [(80.0, 70.0, True), (75.4, 74.7, False), (70.0, 80.0, False)],
 )
 def test_a_share_is_higher_by_two_standard_errors(percent, other, higher):
-    assert labels.is_higher(percent, other, 1635) is higher
+    assert touchdowns.is_higher(percent, other, 1635) is higher

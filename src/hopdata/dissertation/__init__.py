@@ -4,6 +4,7 @@ A product (`hopdata.products`) that stands above all others. Its parts compute, 
 items hold the words, its page shows both:
 
 - ``parts/<name>.py`` measures some of the dissertation's items: rows with numbers;
+- ``labelling/`` holds what the largest part measures, by subject;
 - ``items/<name>.toml`` says for each of these items what the dissertation prints, and
   puts the part's numbers into words;
 - ``figures/<name>.py`` draws the part's tables;

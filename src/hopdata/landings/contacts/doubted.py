@@ -86,14 +86,19 @@ def kinds_of_doubt(
     of_markers = np.moveaxis(tracks, 1, 0)
     is_filled = np.stack([filled(one, scale=scale) for one in of_markers], axis=1)
     is_exchanged = exchanged(tracks, rate_hz=rate_hz, scale=scale)
+    not_seen = is_filled | is_exchanged
     is_spike = np.zeros_like(is_filled)
     for marker, track in enumerate(of_markers):
-        elsewhere = is_filled[:, marker] | is_exchanged[:, marker]
-        seen = track
-        if elsewhere.any():
-            seen = np.where(elsewhere[:, None], np.nan, track)
+        seen = _without(track, not_seen[:, marker])
         is_spike[:, marker] = spikes(seen, scale=scale)
     return is_filled, is_exchanged, is_spike
+
+
+def _without(track: FloatArray, not_seen: BoolArray) -> FloatArray:
+    """Return a track (N, 3) with NaN in the frames that are marked."""
+    if not not_seen.any():
+        return track  # no copy: long recordings fill the memory
+    return np.where(not_seen[:, None], np.nan, track)
 
 
 def spikes(track: FloatArray, *, scale: float = 1.0) -> BoolArray:
@@ -170,24 +175,35 @@ def exchanged(tracks: FloatArray, *, rate_hz: float, scale: float = 1.0) -> Bool
         return marked
     far_m = FAR_OFF_M * scale
     longest = max(1, round(LONGEST_GAP_S * scale**0.5 * rate_hz))
-    frames = _several_far_off(tracks, far_m)
-    place = tracks[frames]
-    expected = _extrapolated(tracks, frames)
-    miss = np.linalg.norm(place - expected, axis=2)
-    is_far = miss > far_m
+    suspects = _several_far_off(tracks, far_m)
+    place = tracks[suspects]
+    expected = _extrapolated(tracks, suspects)
     for one, other in combinations(range(tracks.shape[1]), 2):
-        both = is_far[:, one] & is_far[:, other]
-        crossed = np.linalg.norm(place[both, one] - expected[both, other], axis=1)
-        crossed += np.linalg.norm(place[both, other] - expected[both, one], axis=1)
-        better = crossed < BETTER * (miss[both, one] + miss[both, other])
-        at_once = _single(frames[both][better])
-        in_gaps = _exchanges_in_gaps(
-            tracks[:, [one, other]], far_m=far_m, longest=longest
-        )
+        pair = [one, other]
+        is_exchange = _fits_crossed(place[:, pair], expected[:, pair], far_m)
+        at_once = _single(suspects[is_exchange])
+        in_gaps = _exchanges_in_gaps(tracks[:, pair], far_m=far_m, longest=longest)
         exchanges = sorted([*at_once, *in_gaps])
         for begin, end in _stretches(exchanges, len(tracks)):
-            marked[begin:end, [one, other]] = True
+            marked[begin:end, pair] = True
     return marked
+
+
+def _fits_crossed(place: FloatArray, expected: FloatArray, far_m: float) -> BoolArray:
+    """Mark the frames (K,) in which each of two markers is where the other should be.
+
+    Parameters
+    ----------
+    place, expected : (K, 2, 3) array
+        Where the markers are, and where they should be, m.
+    far_m : float
+        Miss from which on a marker may have another one's place, m.
+    """
+    own_miss = np.linalg.norm(place - expected, axis=2)
+    crossed_miss = np.linalg.norm(place - expected[:, ::-1], axis=2)
+    both_far = (own_miss > far_m).all(axis=1)
+    fits_better = crossed_miss.sum(axis=1) < BETTER * own_miss.sum(axis=1)
+    return np.asarray(both_far & fits_better)
 
 
 def _several_far_off(tracks: FloatArray, far_m: float) -> IntArray:
@@ -276,13 +292,13 @@ def _misses_over_gaps(
 
 def _stretches(exchanges: list[Exchange], frames: int) -> list[tuple[int, int]]:
     """Return the stretches of exchanged names, with the gaps at their ends, frames."""
-    single = list(exchanges)
-    if len(single) % 2:
-        before, after = single.pop()
-        if before < frames / 2 and not single:
-            return [(0, after)]
-        return [*_pairs(single), (before + 1, frames)]
-    return _pairs(single)
+    if len(exchanges) % 2 == 0:
+        return _pairs(exchanges)
+    # The last one is never undone.
+    *undone, (last_before, first_after) = exchanges
+    if not undone and last_before < frames / 2:
+        return [(0, first_after)]
+    return [*_pairs(undone), (last_before + 1, frames)]
 
 
 def _pairs(exchanges: list[Exchange]) -> list[tuple[int, int]]:

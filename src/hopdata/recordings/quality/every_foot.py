@@ -99,15 +99,18 @@ def shared_feet(guesses: Sequence[GuessedFeet]) -> list[GuessedFeet]:
     for guess in guesses:
         own = counts.setdefault(frozenset(guess.markers), Counter())
         own[guess] += 1
-    return [
-        max(own, key=lambda one: (own[one], len(one.feet), _n_joined(one)))
-        for own in (counts[frozenset(guess.markers)] for guess in guesses)
-    ]
+    shared = {markers: _most_frequent(own) for markers, own in counts.items()}
+    return [shared[frozenset(guess.markers)] for guess in guesses]
 
 
-def _n_joined(guess: GuessedFeet) -> int:
-    """Return how many markers are joined."""
-    return sum(len(own) for _, own in guess.joined)
+def _most_frequent(counts: Counter[GuessedFeet]) -> GuessedFeet:
+    """Return the most frequent guess; of several, the one with more markers."""
+
+    def rank(guess: GuessedFeet) -> tuple[int, int, int]:
+        n_joined = sum(len(own) for _, own in guess.joined)
+        return counts[guess], len(guess.feet), n_joined
+
+    return max(counts, key=rank)
 
 
 def _alike(
@@ -123,30 +126,45 @@ def _alike(
     are taken if the feet have none either.
     """
     numbers = {name: m for m, name in enumerate(markers)}
-    if not any(names.role(numbers[name]) for name in feet):
-        return {name for name in group if not names.role(numbers[name])}
-    of_foot = [name for name in group if names.role(numbers[name]) in ("foot", "ankle")]
-
-    all_stems = {names.place_on_limb(m)[1] for m in range(len(markers))}
-
-    def place(name: str) -> tuple[int, str]:
-        rank, stem = names.place_on_limb(numbers[name])
-        return rank, _without_mirrored_side(stem, all_stems)
-
-    def place_but_for_number(name: str) -> tuple[int, str]:
-        rank, stem = place(name)
-        return rank, without_number(stem)
-
-    alike: set[str] = set()
-    for same in (place, place_but_for_number):
-        places = {same(name) for name in feet}
-        alike = {name for name in of_foot if same(name) in places}
-        if len(alike) >= len(feet):
-            break
+    part_of = {name: names.role(numbers[name]) for name in (*feet, *group)}
+    if not any(part_of[name] for name in feet):
+        return {name for name in group if not part_of[name]}
+    of_foot = [name for name in group if part_of[name] in ("foot", "ankle")]
+    places = _places(names, markers)
+    alike = _on_same_places(of_foot, feet, places)
+    if len(alike) < len(feet):
+        alike = _on_same_places(of_foot, feet, _but_for_numbers(places))
     sides = {names.sides[numbers[name]] for name in (*feet, *of_foot)}
     if not alike and not {*_OPPOSITE} <= sides:  # names as foot_A tell no places
         return set(of_foot)
     return alike
+
+
+# Where each marker is on its limb, by its name: rank, and the rest of the name.
+Places = dict[str, tuple[int, str]]
+
+
+def _places(names: NamedParts, markers: tuple[str, ...]) -> Places:
+    """Return the places of all markers, without the side of the limb."""
+    on_limbs = [names.place_on_limb(m) for m in range(len(markers))]
+    all_stems = {stem for _, stem in on_limbs}
+    places = {}
+    for name, (rank, stem) in zip(markers, on_limbs, strict=True):
+        places[name] = (rank, _without_mirrored_side(stem, all_stems))
+    return places
+
+
+def _but_for_numbers(places: Places) -> Places:
+    """Return places that differ no more where only their numbers do."""
+    return {name: (rank, without_number(stem)) for name, (rank, stem) in places.items()}
+
+
+def _on_same_places(
+    names: Iterable[str], feet: Iterable[str], places: Places
+) -> set[str]:
+    """Return those of the names that are on a place of one of the feet."""
+    of_feet = {places[foot] for foot in feet}
+    return {name for name in names if places[name] in of_feet}
 
 
 def _without_mirrored_side(stem: str, all_stems: set[str]) -> str:
@@ -157,11 +175,14 @@ def _without_mirrored_side(stem: str, all_stems: set[str]) -> str:
     """
     words = stem.split()
     for k, word in enumerate(words):
-        other = word.replace(word[0], _OPPOSITE.get(word[0], ""), 1)
-        mirrored = " ".join([*words[:k], other, *words[k + 1 :]])
-        if word[0] in _OPPOSITE and mirrored in all_stems:
+        first = word[0]
+        if first not in _OPPOSITE:
+            continue
+        opposite = _OPPOSITE[first] + word[1:]
+        mirrored = " ".join([*words[:k], opposite, *words[k + 1 :]])
+        if mirrored in all_stems:
             words[k] = word[1:]
-    return " ".join(filter(None, words))
+    return " ".join(word for word in words if word)
 
 
 def _by_name(inspection: Inspection) -> set[str]:

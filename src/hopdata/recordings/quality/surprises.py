@@ -4,6 +4,7 @@ A contact bends a track, but one of the two sides still predicts every frame. Ne
 side predicts a spike. At a step, both sides miss in the same direction.
 """
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -86,6 +87,11 @@ class Excursion:
     start: int
     stop: int
     size: float
+
+    @property
+    def length(self) -> int:
+        """Number of frames."""
+        return self.stop - self.start
 
 
 @dataclass(frozen=True)
@@ -183,23 +189,24 @@ def _spikes(
         first = min(one.start for one in cluster) - SIDE
         last = max(one.stop for one in cluster) - 1 + SIDE
         runs = _runs(displaced(track, first, last, clear), m)
-        if runs and all(run.stop - run.start <= LONGEST_SPIKE for run in runs):
+        if runs and all(run.length <= LONGEST_SPIKE for run in runs):
             spikes += runs
-            continue
-        sure = [one for one in cluster if one.size > limits[one.stop - one.start].sure]
-        spikes += _separate(sure)
+        else:  # no smooth curve tells the frames apart: only those that are sure count
+            sure = [one for one in cluster if one.size > limits[one.length].sure]
+            spikes += _separate(sure)
     return spikes
 
 
 def _clusters(found: list[Excursion]) -> list[list[Excursion]]:
     """Divide the excursions of one marker into those that share frames beside them."""
     clusters: list[list[Excursion]] = []
-    last = -np.inf
+    last_frame = -np.inf
     for one in _in_order(found):
-        if one.start - last > 2 * SIDE:
+        shares_none = one.start - last_frame > 2 * SIDE
+        if shares_none:
             clusters.append([])
         clusters[-1].append(one)
-        last = max(last, one.stop - 1)
+        last_frame = max(last_frame, one.stop - 1)
     return clusters
 
 
@@ -209,13 +216,15 @@ def _runs(off: dict[int, float], m: int) -> list[Excursion]:
         return []
     frames = np.array(list(off))
     sizes = np.array(list(off.values()))
+    # Numbers of the frames at which a run begins, and of those after its last.
     begins = np.flatnonzero(np.diff(frames, prepend=-2) > 1)
     ends = np.append(begins[1:], len(frames))
     runs = []
     for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
         start = int(frames[begin])
+        stop = start + end - begin
         size = float(sizes[begin:end].min())
-        runs.append(Excursion(m, start, start + end - begin, size))
+        runs.append(Excursion(m, start, stop, size))
     return runs
 
 
@@ -239,6 +248,7 @@ def _excursions_above(
     n_frames = len(third) + SIDE
     gross = np.flatnonzero(norms(third) >= min(limits.values())) + SIDE
     around = _around(third, gross)
+    # Of each frame, the largest of the longer excursions that hold it.
     size_of_longer = np.zeros(n_frames)
     found: list[Excursion] = []
     for length, limit in limits.items():
@@ -246,10 +256,11 @@ def _excursions_above(
         sizes = _excursions(around[:, has_both_sides], length)
         for k in np.flatnonzero(sizes > limit).tolist():
             start = int(gross[k])
+            stop = start + length
             size = float(sizes[k])
-            longer = size_of_longer[start : start + length].min()
-            if longer < OF_SHORTER * size:
-                found.append(Excursion(m, start, start + length, size))
+            outranked = size_of_longer[start:stop].min() >= OF_SHORTER * size
+            if not outranked:
+                found.append(Excursion(m, start, stop, size))
         for one in found:
             covered = size_of_longer[one.start : one.stop]
             np.maximum(covered, one.size, out=covered)
@@ -262,7 +273,8 @@ def _limits_by_length(third: FloatArray, least_m: float) -> dict[int, _Limits]:
     The limits come from at most `MOST_FRAMES` frames.
     """
     n_frames = len(third) + SIDE
-    usual = np.arange(SIDE, n_frames - SIDE, -(-n_frames // MOST_FRAMES))
+    every = math.ceil(n_frames / MOST_FRAMES)
+    usual = np.arange(SIDE, n_frames - SIDE, every)
     around = _around(third, usual)
     limits = {}
     for length in range(LONGEST_SPIKE, 0, -1):
@@ -292,11 +304,20 @@ def _excursions(around: FloatArray, length: int) -> FloatArray:
     after = around[LONGEST_SPIKE : LONGEST_SPIKE + length]
     least = np.full(around.shape[1], np.inf)
     for k in range(length):
-        from_left = sum(w * t for w, t in zip(AHEAD, before[k::-1], strict=False))
-        from_right = sum(-w * t for w, t in zip(AHEAD, after[k:], strict=False))
-        agreed = _agreed(np.asarray(from_left), np.asarray(from_right))
-        least = np.minimum(least, agreed)
+        from_left = _miss_ahead(before[k::-1])
+        from_right = -_miss_ahead(after[k:])
+        least = np.minimum(least, _agreed(from_left, from_right))
     return least
+
+
+def _miss_ahead(third: FloatArray) -> FloatArray:
+    """Return by how much a parabola misses a frame, (K, 3).
+
+    From the third differences (n, K, 3) between it and the frame, the nearest to the
+    frame first; n is 1 to 3.
+    """
+    terms = [weight * one for weight, one in zip(AHEAD, third, strict=False)]
+    return np.asarray(sum(terms))
 
 
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
@@ -318,15 +339,22 @@ def _limits(sizes: FloatArray, least_m: float) -> _Limits:
     known = sizes[np.isfinite(sizes)]
     if not len(known):
         return _Limits(np.inf, np.inf)
-    middle, q90 = 0.0, 0.0
-    if np.any(known > 0):
-        middle, q90 = np.quantile(known[known > 0], [0.5, 0.9])
+    q50 = 0.0
+    q90 = 0.0
+    above_zero = known[known > 0]
+    if len(above_zero):
+        q50, q90 = np.quantile(above_zero, [0.5, 0.9])
     q99, q999 = np.quantile(known, [0.99, 0.999])
-    tail = min(OF_999, (q999 / max(q99, TINY_M)) ** TAIL_POWER)
-    shoulder = max(1.0, q90 / (NOISE_90 * max(middle, TINY_M))) ** TAIL_POWER
-    of_noise = OF_MEDIAN * middle
-    by_tail = min(OF_99 * q99, tail * q999)
-    sure = float(max(least_m, of_noise, by_tail))
+    # Hard impacts make a heavy tail, above which a spike must be; noise has a light
+    # one.
+    heaviness = q999 / max(q99, TINY_M)
+    tail = min(OF_999, heaviness**TAIL_POWER)
+    of_tail = min(OF_99 * q99, tail * q999)
+    # Likewise the shoulder, which spikes themselves do not raise.
+    over_noise = q90 / (NOISE_90 * max(q50, TINY_M))
+    shoulder = max(1.0, over_noise) ** TAIL_POWER
+    of_noise = OF_MEDIAN * q50
+    sure = float(max(least_m, of_noise, of_tail))
     clear = float(max(least_m, of_noise * shoulder))
     return _Limits(min(clear, sure), sure)
 
@@ -346,12 +374,14 @@ def _separate(found: list[Excursion]) -> list[Excursion]:
     """Keep the largest of one marker, and those without a larger one within three."""
     kept: list[Excursion] = []
     for spike in sorted(found, key=lambda e: (-e.size, e.start)):
-        if all(
-            spike.start - SIDE >= other.stop or spike.stop + SIDE <= other.start
-            for other in kept
-        ):
+        if all(_apart(spike, other) for other in kept):
             kept.append(spike)
     return kept
+
+
+def _apart(one: Excursion, other: Excursion) -> bool:
+    """Return whether there are three frames or more between two excursions."""
+    return one.start - SIDE >= other.stop or one.stop + SIDE <= other.start
 
 
 def _in_order(excursions: Iterable[Excursion]) -> tuple[Excursion, ...]:
@@ -390,13 +420,14 @@ def _touches(spike: Excursion, heights: FloatArray, low_m: float) -> bool:
 
     That is a short stance.
     """
-    there = heights[spike.start : spike.stop]
+    during = heights[spike.start : spike.stop]
     before = max(spike.start - 2, 0)
     after = min(spike.stop + 1, len(heights) - 1)
-    some_m = 0.5 * spike.size
-    is_lowest = (np.abs(there - low_m) < some_m).all()
     around = heights[[before, after]]
-    return bool(is_lowest and around.min() > there.max() + some_m)
+    some_m = 0.5 * spike.size
+    is_lowest = (np.abs(during - low_m) < some_m).all()
+    is_higher_around = around.min() > during.max() + some_m
+    return bool(is_lowest and is_higher_around)
 
 
 def find_jumps(missed: Surprises, *, explained: BoolArray) -> tuple[Excursion, ...]:
