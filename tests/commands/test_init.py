@@ -1,6 +1,7 @@
 import os
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from made_up_jumps import STYLES, jumping
 from made_up_runner import NAMES, RATE_HZ, SHORTEST_M, runner
 
 from hopdata.__main__ import main
-from hopdata.commands.init import Draft, draft_config, scalar
+from hopdata.commands.init import Draft, draft_config, print_next, scalar
 from hopdata.config.loading import load_config
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
@@ -186,7 +187,7 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     export(folder, jumping([*style.encode()]), names=STYLES[style])
     assert main(["init", "monday.tsv"]) == 0
     out = capsys.readouterr().out
-    assert "These are guesses: correct any that are wrong in the file." in out
+    assert "\n  2. hopdata check config/monday.yaml\n" in out
     # Two jumps are too few for maps; their contacts are given. In some layouts the
     # noise leaves one of them without a contact of both feet.
     assert main(["check", "config/monday.yaml"]) == 0
@@ -313,13 +314,40 @@ def test_markers_that_may_be_on_one_foot_are_joined_by_a_comment():
 def test_comments_say_how_to_run_what_was_guessed_and_what_is_left():
     text = draft_config(DRAFT, path="config/x.yaml")
     for part in (
-        "# Run:   hopdata run config/x.yaml",
+        "# Step 1: answer the 1 remark marked TO DO below",
+        "# Step 2: hopdata check config/x.yaml",
+        "# Step 3: hopdata run config/x.yaml",
         "# TO DO: look at frame 3",
         "  # Rigid.\n  body:",
         "  # The markers fall along it.\n  vertical_axis: y",
         "  # Not used: left over",
     ):
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("remarks", "is_complete", "first"),
+    [
+        ([], True, "look at the guesses in x.yaml"),
+        (["a", "b"], True, "in x.yaml, answer the 2 remarks marked TO DO"),
+        (["a"], False, "in x.yaml, fill in what is missing"),
+    ],
+)
+def test_the_steps_that_follow_have_one_order(remarks, is_complete, first, capsys):
+    """A reader did not know whether TO DO comes before the next command."""
+    code = print_next(Path("x.yaml"), remarks, is_complete=is_complete)
+    assert code == (0 if is_complete else 1)
+    head, *steps = capsys.readouterr().out.splitlines()
+    assert head == "next, in this order:"
+    assert steps[0].startswith(f"  1. {first}")
+    assert steps[1:] == ["  2. hopdata check x.yaml", "  3. hopdata run x.yaml"]
+
+
+def test_a_draft_without_remarks_is_checked_first():
+    text = draft_config(replace(DRAFT, remarks=()), path="x.yaml")
+    assert "# Step 1: look at the guesses below" in text
+    assert "# Step 2: hopdata check x.yaml\n# Step 3: hopdata run x.yaml\n" in text
+    assert "TO DO" not in text
 
 
 @pytest.mark.parametrize(

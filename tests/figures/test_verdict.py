@@ -211,6 +211,13 @@ def test_all_orders_are_drawn_with_their_feet_their_landings_and_their_maps(
     assert own == [], "orders may share a map"
 
 
+def test_of_two_orders_it_is_not_said_that_not_all_are_alike():
+    two = touchdowns("1>2", "2>1")
+    words = texts(verdict_figure(verdict("different"), two).axes[1])
+    assert "not alike" in words
+    assert "not all\nalike" not in words
+
+
 def test_the_picture_claims_no_more_than_the_sentence():
     """No difference was found above a bound, over these landings: no map is proved one."""
     reserved = verdict("no difference", holds_from=0.0043)

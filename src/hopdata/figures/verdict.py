@@ -350,6 +350,8 @@ ORDER_MM = 3.1
 AROUND_MM = 14.0
 # Fewer rows than this stand as far apart as so many would.
 FEWEST_ROWS = 4
+# Rows of which "not all" cannot be said.
+TWO = 2
 # Places across the panel, which is 100 wide: where the feet end, the bars, their
 # numbers, the lines to the maps, and the maps.
 FEET_END = 52.0
@@ -466,7 +468,7 @@ def _draw_maps(axes: Axes, verdict: Mapping[str, Any], rows: int) -> None:
         axes.plot([left, right], [row, middle], **line)
     words = "one map?"
     if conclusion == "different":
-        words = "not all\nalike"
+        words = "not alike" if rows == TWO else "not all\nalike"
     if conclusion == "no difference":
         bound = _percent(verdict[_decided(verdict)]["upper_bound"])
         words = f"alike to\n{bound}"

@@ -374,13 +374,15 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
         found = ",".join(head[3][:2]) if len(head) > 3 else "the end of the file"
         raise RecordingError.at(trajectories.line(3), "Frame,Sub Frame", found)
     starts = [place for place, axis in enumerate(head[3]) if axis == "X"]
-    names = raw.without_subject([_at(head[2], place) for place in starts])
+    full_names = [_at(head[2], place) for place in starts]
+    names = raw.without_subject(full_names)
     has_units = not text.is_number(head[4][0])
     unit = _at(head[4], starts[0]) if has_units and starts else ""
     stated_hz = _stated(trajectories.line(1), {"rate": head[1][0]}, "rate")
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[raw.Remark, ...] = ()
     if others:
         remarks = (f"{sheet.path}: section {', '.join(others)} not read",)
+    remarks += raw.subject_left_out(f"{sheet.path}", full_names)
     return _recording(
         trajectories,
         _Blocks(
