@@ -35,15 +35,10 @@ _TRAJECTORIES = "trajectories"
 _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")
 
 _KNOWN = (
-    "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), "
-    "DeepLabCut (scorer), Anipose, Kinetics Toolkit (<name>[0] to [3]), D-Flow "
-    "(<name>.PosX) or SLEAP (frame_idx), or a table (columns <name>_x, _y, _z)"
+    "columns <name>_x, <name>_y, <name>_z, or an export listed in docs/formats.md "
+    "(Motive, Nexus ...)"
 )
-_LONG = (
-    "one for each marker; in pandas table.pivot(index='frame', columns='marker', "
-    "values=['x', 'y', 'z']).swaplevel(axis=1) arranges them, with the table's own "
-    "names"
-)
+_LONG = "one for each marker (docs/formats.md turns it, under CSV)"
 
 Row = list[str]
 
