@@ -2,6 +2,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,10 +14,17 @@ from made_up_jumps import STYLES, jumping
 from made_up_runner import NAMES, RATE_HZ, SHORTEST_M, runner
 
 from hopdata.__main__ import main
-from hopdata.commands.init import Draft, draft_config, print_next, scalar
+from hopdata.commands.init import (
+    Draft,
+    draft_config,
+    print_next,
+    scalar,
+    too_few_landings,
+)
 from hopdata.config.loading import load_config
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
+from hopdata.recording import Recording
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
@@ -468,3 +476,22 @@ def test_what_a_filter_does_is_told_in_milliseconds(folder, capsys):
     with open("config/smooth.yaml") as written:
         text = " ".join(line.strip("# \n") for line in written)
     assert re.search(r"TO DO: The low-pass moves contacts by \S+ ms", text, re.I)
+
+
+@pytest.mark.parametrize(("n_feet", "told_of"), [(2, ""), (4, "at least 168 landings")])
+def test_too_few_landings_for_a_verdict_are_told_before_the_run(n_feet, told_of):
+    """`init` did not say so; 150 are enough for two feet."""
+    inspection = SimpleNamespace(recording=lambda *_: falling_body(hops=150))
+    feet = tuple(f"f{k}" for k in range(n_feet))
+    roles = SimpleNamespace(problems=(), joined={}, feet=feet, body=("b",))
+    told = too_few_landings(inspection, roles)
+    assert len(told) == bool(told_of)
+    assert told_of in "".join(told)
+
+
+def falling_body(hops):
+    """Return a recording of one body marker that sinks so many times."""
+    time = np.arange(50 * hops) / 100
+    positions = np.zeros((len(time), 1, 3))
+    positions[:, 0, 2] = 0.4 + 0.1 * np.cos(2 * np.pi * time / 0.5)
+    return Recording.from_arrays(time, positions, ["b"], feet=[], body=["b"], name="x")

@@ -274,7 +274,10 @@ def init(options: argparse.Namespace) -> int:
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
     print_guesses(draft, inspection, roles)
-    for remark in [*notes_on_feet(roles, out), *remarks]:
+    notes = notes_on_feet(roles, out)
+    if not options.more:
+        notes += too_few_landings(inspection, roles)
+    for remark in [*notes, *remarks]:
         terminal.note(remark)
     if roles.other_feet:
         values = {
@@ -299,6 +302,25 @@ def notes_on_feet(roles: Roles, out: Path) -> list[str]:
         left = {"markers": ", ".join(roles.left_by_name)}
         notes.append(str(Message("commands.left_by_name", left)))
     return notes
+
+
+def too_few_landings(inspection: Inspection, roles: Roles) -> list[str]:
+    """Return a note if the body sinks in fewer landings than a verdict needs."""
+    from hopdata.landings.contacts.descents import descents
+    from hopdata.landings.contacts.where import body_height
+    from hopdata.maps.verdict.inputs import least_landings
+
+    if roles.problems:
+        return []
+    recording = inspection.recording(roles.feet, roles.body)
+    n_landings = len(descents(body_height(recording)))
+    n_joined = sum(len(markers) for markers in roles.joined.values())
+    n_feet = len(roles.feet) - n_joined + len(roles.joined)
+    least = least_landings(n_feet)
+    if n_landings >= least:
+        return []
+    values = {"landings": n_landings, "feet": n_feet, "least": least}
+    return [str(Message("commands.too_few_for_a_verdict", values))]
 
 
 def print_next(out: Path, remarks: Sequence[str], *, is_complete: bool) -> int:

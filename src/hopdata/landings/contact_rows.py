@@ -150,13 +150,13 @@ def cut_off(
 
 
 def _sides_cut_off(recording: Recording, landings: pd.DataFrame) -> list[str]:
-    """Return at which ends of a recording, ``begin`` or ``end``, a landing is cut off."""
+    """Return at which ends of a recording a landing is cut off: begin, end."""
     cut = _cut_off(recording, landings)
     return [side for side, rows in cut.items() if rows.any()]
 
 
 def _cut_off(recording: Recording, landings: pd.DataFrame) -> dict[str, BoolArray]:
-    """Return which descents, of L, the begin of a recording cuts off, and which the end."""
+    """Return which of L descents the begin of a recording cuts off, and its end."""
     feet = recording.names("foot")
     instants = landings[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
     status = landings[[f"status_{foot}" for foot in feet]].to_numpy()

@@ -326,7 +326,7 @@ def test_a_long_table_is_told_how_to_become_a_wide_one(tmp_path):
     places = dict(zip("xyz", track().reshape(-1, 3).T, strict=True))
     table = pd.DataFrame({"frame": frames, "marker": markers} | places)
     with pytest.raises(
-        RecordingError, match="found one for each marker .docs/formats.md "
+        RecordingError, match=r"found one for each marker \(docs/formats.md "
     ):
         read(tmp_path, table.to_csv(index=False))
     recipe = ".pivot(index='frame', columns='marker', values=['x', 'y', 'z']).swaplevel(axis=1)"
