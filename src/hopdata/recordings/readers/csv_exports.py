@@ -447,7 +447,7 @@ def _recording(
     *,
     rates_hz: tuple[float | None, float | None],
     unit: tuple[str, str],
-    remarks: tuple[str, ...],
+    remarks: tuple[raw.Remark, ...],
 ) -> raw.RawRecording:
     """Read the markers of a sheet.
 
