@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_hopper import MARKERS, hopping
 
 import hopdata as hd
 from hopdata.contact_times import (
@@ -541,3 +542,44 @@ def test_millimetres_taken_for_metres_are_told():
     assert len(contacts(made(1.0)).found) == 60
     with pytest.raises(HopdataError, match=r"multiply the positions by 0\.001"):
         contacts(made(1000.0))
+
+
+def cropped(first, stop):
+    """Return frames of a hopper whose first landing is at frame 30, and its last at 448."""
+    time, positions = hopping(1, n_frames=500)
+    feet = MARKERS[3:6]
+    return hd.Recording.from_arrays(
+        time[first:stop],
+        positions[first:stop, :6],
+        MARKERS[:6],
+        feet=feet,
+        body=MARKERS[:3],
+        name=f"hop{first}",
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "stop", "told"),
+    [
+        (0, 500, ""),
+        (0, 425, ""),  # ends in the air
+        (31, 500, "1 landing left out, since the recording begins or ends in it"),
+        (0, 449, "hop0 (end)"),
+        (31, 449, "2 landings left out"),
+    ],
+)
+def test_a_landing_that_the_recording_cuts_off_is_told(first, stop, told):
+    remarks = [
+        str(remark)
+        for remark in hd.contacts(cropped(first, stop)).remarks
+        if "left out" in remark
+    ]
+    assert len(remarks) == bool(told)
+    assert told in "".join(remarks)
+
+
+def test_landings_cut_off_in_several_recordings_are_told_in_one_remark():
+    found = hd.contacts([cropped(first, 500) for first in (0, 31, 33)])
+    (remark,) = [one for one in found.remarks if "begins or ends" in one]
+    assert remark.startswith("2 landings left out")
+    assert "hop31 (begin), hop33 (begin)" in remark

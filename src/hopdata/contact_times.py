@@ -29,6 +29,7 @@ from hopdata.landings.contact_rows import (
     COLUMNS,
     MOST_NAMED,
     contact_rows,
+    cut_off,
     hidden_contacts,
     landed,
     order_rows,
@@ -417,6 +418,7 @@ def contacts(
         remarks += contact_remarks(group, of_group)
         tables |= zip(alike, of_group, strict=True)
     remarks += resampled_remarks(levelled)
+    remarks += cut_off(levelled, [tables[number] for number in range(len(levelled))])
     rows: list[tuple[Any, ...]] = []
     orders: list[tuple[Any, ...]] = []
     for number, ready in enumerate(levelled):

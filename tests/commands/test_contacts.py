@@ -22,8 +22,10 @@ from hopdata.commands.contacts import (
 )
 from hopdata.commands.contacts_instead import write_few
 from hopdata.config.loading import load_config
+from hopdata.inspecting import listing
 from hopdata.messages import Message
 from hopdata.recording import Recording
+from hopdata.recordings.quality.guess import Guess
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.c3d import read_c3d
 
@@ -327,6 +329,27 @@ def test_what_is_true_of_several_files_is_told_once():
     assert _notes_of([Trial(one, (Path("d.c3d"),), notes=("as it is",))]) == [
         "as it is"
     ]
+
+
+def test_files_that_raise_one_question_are_asked_about_once():
+    """What speaks for it differs from file to file."""
+    one = Recording.from_arrays(
+        [0.0, 0.01], np.zeros((2, 1, 3)), ["toe"], feet=["toe"], body=[], name="jump"
+    )
+
+    def trial(name, other, pull):
+        why = Message("recordings.rate_pulls_too_much", {"pull": pull})
+        guess = Guess("240", why, is_sure=False, other=other)
+        asked = listing.question("input.rate_hz", guess)
+        return Trial(one, (Path(name),), asked=asked)
+
+    notes = _notes_of(
+        [trial("a", "120", 3.9), trial("b", "480", 0.2), trial("c", "120", 3.5)]
+    )
+    assert len(notes) == 2
+    assert notes[0].startswith("a and 1 other file: input.rate_hz: 240 or 120?")
+    assert "3.9 g" in notes[0]
+    assert notes[1].startswith("b: input.rate_hz: 240 or 480?")
 
 
 BODY = ("hip1", "hip2", "hip3")

@@ -1,6 +1,8 @@
 import os
 import re
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +14,17 @@ from made_up_jumps import STYLES, jumping
 from made_up_runner import NAMES, RATE_HZ, SHORTEST_M, runner
 
 from hopdata.__main__ import main
-from hopdata.commands.init import Draft, draft_config, scalar
+from hopdata.commands.init import (
+    Draft,
+    draft_config,
+    print_next,
+    scalar,
+    too_few_landings,
+)
 from hopdata.config.loading import load_config
 from hopdata.jobs import study_name
 from hopdata.landings.role_guesses import guessed_roles
+from hopdata.recording import Recording
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.inspection import inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
@@ -186,7 +195,7 @@ def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
     export(folder, jumping([*style.encode()]), names=STYLES[style])
     assert main(["init", "monday.tsv"]) == 0
     out = capsys.readouterr().out
-    assert "These are guesses: correct any that are wrong in the file." in out
+    assert "\n  2. hopdata check config/monday.yaml\n" in out
     # Two jumps are too few for maps; their contacts are given. In some layouts the
     # noise leaves one of them without a contact of both feet.
     assert main(["check", "config/monday.yaml"]) == 0
@@ -313,13 +322,40 @@ def test_markers_that_may_be_on_one_foot_are_joined_by_a_comment():
 def test_comments_say_how_to_run_what_was_guessed_and_what_is_left():
     text = draft_config(DRAFT, path="config/x.yaml")
     for part in (
-        "# Run:   hopdata run config/x.yaml",
+        "# Step 1: answer the 1 remark marked TO DO below",
+        "# Step 2: hopdata check config/x.yaml",
+        "# Step 3: hopdata run config/x.yaml",
         "# TO DO: look at frame 3",
         "  # Rigid.\n  body:",
         "  # The markers fall along it.\n  vertical_axis: y",
         "  # Not used: left over",
     ):
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("remarks", "is_complete", "first"),
+    [
+        ([], True, "look at the guesses in x.yaml"),
+        (["a", "b"], True, "in x.yaml, answer the 2 remarks marked TO DO"),
+        (["a"], False, "in x.yaml, fill in what is missing"),
+    ],
+)
+def test_the_steps_that_follow_have_one_order(remarks, is_complete, first, capsys):
+    """A reader did not know whether TO DO comes before the next command."""
+    code = print_next(Path("x.yaml"), remarks, is_complete=is_complete)
+    assert code == (0 if is_complete else 1)
+    head, *steps = capsys.readouterr().out.splitlines()
+    assert head == "next, in this order:"
+    assert steps[0].startswith(f"  1. {first}")
+    assert steps[1:] == ["  2. hopdata check x.yaml", "  3. hopdata run x.yaml"]
+
+
+def test_a_draft_without_remarks_is_checked_first():
+    text = draft_config(replace(DRAFT, remarks=()), path="x.yaml")
+    assert "# Step 1: look at the guesses below" in text
+    assert "# Step 2: hopdata check x.yaml\n# Step 3: hopdata run x.yaml\n" in text
+    assert "TO DO" not in text
 
 
 @pytest.mark.parametrize(
@@ -440,3 +476,22 @@ def test_what_a_filter_does_is_told_in_milliseconds(folder, capsys):
     with open("config/smooth.yaml") as written:
         text = " ".join(line.strip("# \n") for line in written)
     assert re.search(r"TO DO: The low-pass moves contacts by \S+ ms", text, re.I)
+
+
+@pytest.mark.parametrize(("n_feet", "told_of"), [(2, ""), (4, "at least 168 landings")])
+def test_too_few_landings_for_a_verdict_are_told_before_the_run(n_feet, told_of):
+    """`init` did not say so; 150 are enough for two feet."""
+    inspection = SimpleNamespace(recording=lambda *_: falling_body(hops=150))
+    feet = tuple(f"f{k}" for k in range(n_feet))
+    roles = SimpleNamespace(problems=(), joined={}, feet=feet, body=("b",))
+    told = too_few_landings(inspection, roles)
+    assert len(told) == bool(told_of)
+    assert told_of in "".join(told)
+
+
+def falling_body(hops):
+    """Return a recording of one body marker that sinks so many times."""
+    time = np.arange(50 * hops) / 100
+    positions = np.zeros((len(time), 1, 3))
+    positions[:, 0, 2] = 0.4 + 0.1 * np.cos(2 * np.pi * time / 0.5)
+    return Recording.from_arrays(time, positions, ["b"], feet=[], body=["b"], name="x")

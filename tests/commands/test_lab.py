@@ -5,6 +5,7 @@ import csv
 import io
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -121,6 +122,18 @@ def test_trials_of_one_subject_become_one_study_with_several_recordings(folder, 
     named = [(entry["name"], entry["file"]) for entry in config["recordings"]]
     assert named == [(f"jump{k}", f"day/jump{k}.c3d") for k in (1, 2, 3)]
     assert not (folder.parent / "config/day.tsv").exists()
+
+
+def test_a_subject_before_the_names_is_told_once(folder, capsys):
+    for k in range(3):
+        raw = trial(k, n_frames=300)
+        named = replace(raw, markers=tuple(f"Anna:{name}" for name in raw.markers))
+        write_c3d(folder / f"jump{k + 1}.c3d", named)
+    assert main(["init", "day"]) == 0
+    assert capsys.readouterr().out.count("without the subject") == 1
+    text = Path("config/day.yaml").read_text(encoding="utf-8")
+    assert text.count("'Anna:'") == 1
+    assert load_config("config/day.yaml")["markers"]["feet"] == ["toe1", "toe2", "toe3"]
 
 
 def test_prefixes_that_are_no_numbers_of_subjects_are_asked_about(folder, capsys):

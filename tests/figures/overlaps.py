@@ -6,8 +6,10 @@ from itertools import combinations
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 from hopdata.figures.style import style_context
 
@@ -35,6 +37,31 @@ def text_faults(figure: Figure) -> list[str]:
         if wide > 1 and high > 1:
             faults.append(f"'{one}' over '{two}'")
     return faults
+
+
+def texts_crossed_by_upright_lines(axes: Axes) -> list[str]:
+    """Return the texts of the axes that a line from below to above runs through or touches."""
+    figure = axes.figure.figure
+    with style_context():
+        renderer = FigureCanvasAgg(figure).get_renderer()
+        figure.draw_without_rendering()
+        texts = [
+            (text.get_text(), text.get_window_extent(renderer)) for text in axes.texts
+        ]
+    lines = [line.get_window_extent(renderer) for line in axes.lines]
+    for pieces in axes.collections:
+        if isinstance(pieces, LineCollection):
+            for ends in pieces.get_segments():
+                lines.append(Bbox(axes.transData.transform(ends)))
+    crossed = []
+    for line in lines:
+        is_upright = line.width < 3 < line.height
+        for words, box in texts:
+            beside = line.x1 < box.x0 - 1 or line.x0 > box.x1 + 1
+            apart = line.y1 < box.y0 or line.y0 > box.y1
+            if is_upright and not (beside or apart):
+                crossed.append(words)
+    return crossed
 
 
 def _undrawn(figure: Figure) -> set[Text]:

@@ -4,7 +4,7 @@ from itertools import islice, permutations
 import numpy as np
 import pandas as pd
 import pytest
-from overlaps import text_faults
+from overlaps import text_faults, texts_crossed_by_upright_lines
 
 from hopdata.figures.style import FOOT_COLOURS, INK
 from hopdata.figures.verdict import (
@@ -65,6 +65,30 @@ def texts(axes):
 def test_every_conclusion_is_drawn_without_overlap(conclusion, schedules):
     figure = verdict_figure(verdict(conclusion), touchdowns(*schedules))
     assert text_faults(figure) == []
+
+
+@pytest.mark.parametrize(
+    ("bound", "detectable", "true"),
+    [(0.03, 0.02, 0.0), (0.17, 0.09, 0.2), (0.17, 0.18, 0.0), (0.33, 0.4, 0.1)],
+)
+def test_no_line_runs_through_a_text(bound, detectable, true):
+    effect = {"estimate": 0.0, "low": 0.0, "high": bound + 0.01}
+    effect |= {"upper_bound": bound, "detectable": detectable}
+    conclusion = "no difference" if bound < 0.2 else "cannot tell"
+    found = verdict(conclusion, effect=effect)
+    truth = pd.DataFrame({"true_effect": [true]})
+    figure = verdict_figure(found, touchdowns(), truth)
+    assert text_faults(figure) == []
+    size = figure.axes[0]
+    assert "margin 20 %" in texts(size)
+    assert len(size.collections[0].get_segments()) == 2, "the margin is drawn"
+    assert texts_crossed_by_upright_lines(size) == []
+
+
+def test_a_line_through_a_text_is_found():
+    size = verdict_figure(verdict(), touchdowns()).axes[0]
+    size.axvline(15.0)
+    assert texts_crossed_by_upright_lines(size) != []
 
 
 def test_a_reason_is_not_broken_within_a_number():
@@ -185,6 +209,13 @@ def test_all_orders_are_drawn_with_their_feet_their_landings_and_their_maps(
     squares = [line for line in axes.lines if line.get_marker() == "s"]
     own = [line for line in squares if line.get_color() == INK]
     assert own == [], "orders may share a map"
+
+
+def test_of_two_orders_it_is_not_said_that_not_all_are_alike():
+    two = touchdowns("1>2", "2>1")
+    words = texts(verdict_figure(verdict("different"), two).axes[1])
+    assert "not alike" in words
+    assert "not all\nalike" not in words
 
 
 def test_the_picture_claims_no_more_than_the_sentence():

@@ -190,7 +190,8 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
         found = inspect(recording)
     lines = []
     if not rate_hz:
-        lines += listing.question("input.rate_hz", found.rate)
+        asked = listing.question("input.rate_hz", found.rate)
+        lines += [str(one) for one in asked]
     lines += [str(one) for one in found.lost]
     if found.faults.count or len(found.timing.irregular) or found.lost:
         suspects = {"answer": listing.answer(found)}

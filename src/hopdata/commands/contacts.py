@@ -33,6 +33,8 @@ YAML = (".yaml", ".yml")
 
 # Landings that are listed on a terminal.
 MOST_LISTED = 30
+# Values that make a question about a file the same as that about another.
+ASKED = ("key", "value", "other")
 
 # Columns of the list, and those where a single foot landed each time, so that nothing
 # has an order, and no contact is later than the first.
@@ -101,6 +103,8 @@ class Trial:
         `hopdata.contact_times.contacts`.
     notes : sequence of str
         What to know about it.
+    asked : sequence of Message
+        Which keys are unsure: see `listing.questions`.
     """
 
     recording: Recording
@@ -108,6 +112,7 @@ class Trial:
     feet: Sequence[Mapping[str, Any]] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[str] = ()
+    asked: Sequence[Message] = ()
 
 
 def contacts(options: argparse.Namespace) -> int:
@@ -142,15 +147,37 @@ def _notes_of(trials: Sequence[Trial]) -> list[str]:
             own = [str(file) for file in trial.files if note.startswith(f"{file}: ")]
             place = own[0] if own else ""
             places.setdefault(note.removeprefix(f"{place}: "), []).append(place)
-    told = []
+    told = _asked_once(trials)
     for text, files in places.items():
-        named = [file for file in files if file]
-        if len(named) > 1:
-            values = {"first": named[0], "files": counted(len(named) - 1, "other file")}
-            told.append(f"{Message('commands.files_alike', values)}: {text}")
-        else:
-            told += [f"{file}: {text}" if file else text for file in files]
+        told += _of_files_alike(text, files)
     return told
+
+
+def _asked_once(trials: Sequence[Trial]) -> list[str]:
+    """Return what is unsure; files that raise the same question are asked about once.
+
+    What speaks for it, in numbers of each file, is told of the first.
+    """
+    first: dict[tuple[str, ...], str] = {}
+    places: dict[tuple[str, ...], list[str]] = {}
+    for trial in trials:
+        for one in trial.asked:
+            of_question = tuple(str(one.values[name]) for name in ASKED)
+            first.setdefault(of_question, str(one))
+            places.setdefault(of_question, []).append(f"{trial.files[0]}")
+    told = []
+    for of_question, files in places.items():
+        told += _of_files_alike(first[of_question], files)
+    return told
+
+
+def _of_files_alike(text: str, files: Sequence[str]) -> list[str]:
+    """Return a note with the file that it is on, or with the first of several."""
+    named = [file for file in files if file]
+    if len(named) > 1:
+        values = {"first": named[0], "files": counted(len(named) - 1, "other file")}
+        return [f"{Message('commands.files_alike', values)}: {text}"]
+    return [f"{file}: {text}" if file else text for file in files]
 
 
 def _only_place(trials: Sequence[Trial]) -> tuple[str, ...]:
@@ -227,6 +254,7 @@ class _Looked:
     feet: GuessedFeet
     body: list[str]
     notes: list[str]
+    asked: list[Message]
     is_guessed: bool
 
 
@@ -259,11 +287,13 @@ def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
     roles = guessed_roles(inspection)
     # The recording's own notes name the unseen ones of the markers that are used.
     told_later = [*inspection.remarks, *listing.unseen_for_long(inspection)]
-    questions = [note for note in listing.notes(inspection) if note not in told_later]
+    asked = listing.questions(inspection)
+    told_later += [str(one) for one in asked]
+    others = [note for note in listing.notes(inspection) if note not in told_later]
     if inspection.suspects():
         # Frames of exchanged or frozen markers are not timed: landings may be lost.
         suspects = {"answer": listing.answer(inspection)}
-        questions.append(str(Message("commands.see_inspect", suspects)))
+        others.append(str(Message("commands.see_inspect", suspects)))
     feet, joined = _given_feet(options.feet, file, inspection)
     is_guessed = not feet
     if is_guessed:
@@ -275,7 +305,7 @@ def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
             raise RecordingError(f"{file}: {why}; here by --feet NAME ...")
         if roles.left_by_name:
             left = {"markers": ", ".join(roles.left_by_name)}
-            questions.append(str(Message("commands.left_by_name_in_contacts", left)))
+            others.append(str(Message("commands.left_by_name_in_contacts", left)))
     body = list(options.body or roles.body)
     _require_markers("--body", file, body, inspection)
     return _Looked(
@@ -284,7 +314,8 @@ def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
         inspection.up.value,
         GuessedFeet.of(inspection.markers, feet, joined),
         body,
-        [f"{file}: {note}" for note in questions],
+        [f"{file}: {note}" for note in others],
+        asked,
         is_guessed,
     )
 
@@ -312,7 +343,8 @@ def _read(looked: _Looked, feet: GuessedFeet, rate_hz: float | None) -> Trial:
         notes.append(str(Message("commands.no_body_for_contacts", {"file": file})))
     notes += _notes_on(recording)
     joined_feet = [{"name": name, "markers": list(own)} for name, own in feet.joined]
-    return Trial(recording, (file,), joined_feet, notes=tuple(dict.fromkeys(notes)))
+    told = tuple(dict.fromkeys(notes))
+    return Trial(recording, (file,), joined_feet, notes=told, asked=looked.asked)
 
 
 def _given_feet(

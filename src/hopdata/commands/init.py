@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
 from hopdata.commands.guesses import inspected
-from hopdata.errors import HopdataError, printable
+from hopdata.errors import HopdataError, counted, printable
 from hopdata.inspecting import devices, listing
 from hopdata.inspecting.guesses import with_effects
 from hopdata.jobs import study_name
@@ -170,11 +170,17 @@ def _head(draft: Draft, path: str) -> list[str]:
         f"Study of {draft.file}, drafted by hopdata init from what is in the file."
     )
     lines += _comment(
-        "Every value with a reason is a guess: check it. All other keys keep their "
+        "Every value with a reason is a guess. All other keys keep their "
         "defaults; `hopdata config-docs` lists them."
     )
-    lines += _comment(f"Check: hopdata check {shlex.quote(path)}")
-    lines += _comment(f"Run:   hopdata run {shlex.quote(path)}")
+    steps = [f"hopdata {name} {shlex.quote(path)}" for name in ("check", "run")]
+    first = Message("commands.step_look_here")
+    if draft.remarks:
+        count = counted(len(draft.remarks), "remark")
+        first = Message("commands.step_to_do_here", {"remarks": count})
+    steps.insert(0, str(first))
+    for number, step in enumerate(steps, start=1):
+        lines += _comment(f"Step {number}: {step}")
     for remark in draft.remarks:
         lines += _comment(f"TO DO: {remark}")
     for note in draft.notes:
@@ -268,7 +274,10 @@ def init(options: argparse.Namespace) -> int:
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
     print_guesses(draft, inspection, roles)
-    for remark in [*notes_on_feet(roles, out), *remarks]:
+    notes = notes_on_feet(roles, out)
+    if not options.more:
+        notes += too_few_landings(inspection, roles)
+    for remark in [*notes, *remarks]:
         terminal.note(remark)
     if roles.other_feet:
         values = {
@@ -276,7 +285,7 @@ def init(options: argparse.Namespace) -> int:
             "command": f"hopdata contacts {shlex.quote(str(options.file))}",
         }
         terminal.note(str(Message("commands.contacts_of_all_feet", values)))
-    return print_next(out, is_complete=not roles.problems)
+    return print_next(out, draft.remarks, is_complete=not roles.problems)
 
 
 def notes_on_feet(roles: Roles, out: Path) -> list[str]:
@@ -295,17 +304,50 @@ def notes_on_feet(roles: Roles, out: Path) -> list[str]:
     return notes
 
 
-def print_next(out: Path, *, is_complete: bool) -> int:
-    """Print what to do with a new configuration; return the exit code."""
+def too_few_landings(inspection: Inspection, roles: Roles) -> list[str]:
+    """Return a note if the body sinks in fewer landings than a verdict needs."""
+    from hopdata.landings.contacts.descents import descents
+    from hopdata.landings.contacts.where import body_height
+    from hopdata.maps.verdict.inputs import least_landings
+
+    if roles.problems:
+        return []
+    recording = inspection.recording(roles.feet, roles.body)
+    n_landings = len(descents(body_height(recording)))
+    n_joined = sum(len(markers) for markers in roles.joined.values())
+    n_feet = len(roles.feet) - n_joined + len(roles.joined)
+    least = least_landings(n_feet)
+    if n_landings >= least:
+        return []
+    values = {"landings": n_landings, "feet": n_feet, "least": least}
+    return [str(Message("commands.too_few_for_a_verdict", values))]
+
+
+def print_next(out: Path, remarks: Sequence[str], *, is_complete: bool) -> int:
+    """Print the steps that follow a new configuration; return the exit code.
+
+    Parameters
+    ----------
+    out : Path
+        The configuration.
+    remarks : sequence of str
+        What stands in it as ``TO DO``.
+    is_complete : bool
+        Whether it can be checked and run as it is.
+    """
     quoted = shlex.quote(str(out))
+    values = {"config": str(out), "remarks": counted(len(remarks), "remark")}
     if not is_complete:
-        fill_in = f"fill in what is missing in {out} (TO DO)"
-        print(f"next: {fill_in}, then hopdata check {quoted}")
-        return terminal.PROBLEM
-    print("These are guesses: correct any that are wrong in the file.")
-    print(f"next: hopdata check {quoted}")
-    print(f"      hopdata run {quoted}")
-    return terminal.OK
+        first = Message("commands.step_fill_in", values)
+    elif remarks:
+        first = Message("commands.step_to_do", values)
+    else:
+        first = Message("commands.step_look", values)
+    steps = [str(first), f"hopdata check {quoted}", f"hopdata run {quoted}"]
+    print("next, in this order:")
+    for number, step in enumerate(steps, start=1):
+        print(f"  {number}. {step}")
+    return terminal.OK if is_complete else terminal.PROBLEM
 
 
 def print_guesses(draft: Draft, inspection: Inspection, roles: Roles) -> None:

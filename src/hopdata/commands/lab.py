@@ -348,7 +348,7 @@ def _write(
     _print_notes(notes, choice.left_out, out)
     for remark in [*of_files.notes_on_feet(roles, out), *remarks]:
         terminal.note(remark)
-    return of_files.print_next(out, is_complete=not problems)
+    return of_files.print_next(out, draft.remarks, is_complete=not problems)
 
 
 def _with_axis_of_others(reference: Reference, choice: Choice) -> Reference:
@@ -448,6 +448,10 @@ def _notes(
             "sure": n_kept - choice.n_axis_unsure,
         }
         notes.append(Message("commands.folder_axis", axis))
+    before_names = [trial.before_names for trial in choice.trials if trial.before_names]
+    if before_names:
+        first = {"subject": before_names[0]}
+        notes.append(Message("commands.folder_without_subject", first))
     if ignored:
         kinds = [f"{number} {suffix}" for suffix, number in ignored.items()]
         notes.append(Message("commands.folder_ignored", {"files": ", ".join(kinds)}))

@@ -202,6 +202,10 @@ BAR_ROW = 1.4
 BAR_TEXT_ROW = 1.82
 NONE_ROW = 2.4
 HIGHEST_ROW = 2.65
+# Where the line of the margin is drawn: across the bars, and beside its name. Rows of
+# other texts stay free of it, however long the texts are.
+MARGIN_FROM = (0.84, 2.08)
+MARGIN_TO = (1.58, HIGHEST_ROW)
 
 
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
@@ -214,7 +218,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     _draw_interval(axes, verdict, (low, end), colour, top)
     if low <= 0:  # a difference that was found does not count as none
         margin = 100.0 * verdict["margin"]
-        axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+        _draw_margin(axes, margin)
         none = f"margin {margin:g} %"
         _write(axes, none, (margin, NONE_ROW), style.INK, top)
     _draw_seen(axes, verdict, top)
@@ -223,6 +227,13 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     axes.set_yticks([])
     axes.spines["left"].set_linewidth(2.0)
     axes.set_xlabel(AXES[_decided(verdict)])
+
+
+def _draw_margin(axes: Axes, margin: float) -> None:
+    """Draw the margin, per cent, in the rows in which no other text stands."""
+    look: Any = {"colors": style.INK, "linewidths": 0.8, "linestyles": (0, (4, 2))}
+    at = [margin] * len(MARGIN_FROM)
+    axes.vlines(at, MARGIN_FROM, MARGIN_TO, **look)
 
 
 def _draw_interval(
@@ -339,6 +350,8 @@ ORDER_MM = 3.1
 AROUND_MM = 14.0
 # Fewer rows than this stand as far apart as so many would.
 FEWEST_ROWS = 4
+# Rows of which "not all" cannot be said.
+TWO = 2
 # Places across the panel, which is 100 wide: where the feet end, the bars, their
 # numbers, the lines to the maps, and the maps.
 FEET_END = 52.0
@@ -455,7 +468,7 @@ def _draw_maps(axes: Axes, verdict: Mapping[str, Any], rows: int) -> None:
         axes.plot([left, right], [row, middle], **line)
     words = "one map?"
     if conclusion == "different":
-        words = "not all\nalike"
+        words = "not alike" if rows == TWO else "not all\nalike"
     if conclusion == "no difference":
         bound = _percent(verdict[_decided(verdict)]["upper_bound"])
         words = f"alike to\n{bound}"

@@ -154,9 +154,7 @@ def notes(inspection: Inspection) -> list[str]:
     The latter are remarks of the reader, processing of the positions, and unseen
     markers.
     """
-    found = question("input.unit", inspection.unit)
-    found += question("input.vertical_axis", inspection.up)
-    found += question("input.rate_hz", inspection.rate)
+    found = [str(one) for one in questions(inspection)]
     found += inspection.remarks
     found += [str(one) for one in (*inspection.treated, *inspection.lost)]
     return found + unseen_for_long(inspection)
@@ -171,7 +169,16 @@ def unseen_for_long(inspection: Inspection) -> list[str]:
     return [str(Message("inspecting.unseen_for_long", {"markers": ", ".join(markers)}))]
 
 
-def question(key: str, guess: Guess) -> list[str]:
+def questions(inspection: Inspection) -> list[Message]:
+    """Ask about unit, direction and rate, as far as they are unsure."""
+    return [
+        *question("input.unit", inspection.unit),
+        *question("input.vertical_axis", inspection.up),
+        *question("input.rate_hz", inspection.rate),
+    ]
+
+
+def question(key: str, guess: Guess) -> list[Message]:
     """Ask about a key with its two candidates, unless the guess is sure."""
     if guess.is_sure:
         return []
@@ -181,7 +188,7 @@ def question(key: str, guess: Guess) -> list[str]:
         "other": guess.other,
         "reason": guess.why,
     }
-    return [str(Message("inspecting.which_value", values))]
+    return [Message("inspecting.which_value", values)]
 
 
 def _rigid(inspection: Inspection) -> list[tuple[str, str]]:

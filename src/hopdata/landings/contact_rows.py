@@ -92,7 +92,9 @@ def untimed(recording: Recording, landings: pd.DataFrame) -> list[Message]:
     feet = recording.names("foot")
     instants = {foot: landings[f"contact_{foot}_s"].to_numpy(float) for foot in feet}
     named = []
-    for landing in landings.to_dict("records"):
+    cut = _cut_off(recording, landings)
+    is_cut_off = cut["begin"] | cut["end"]  # these are told by `cut_off`
+    for landing in landings[~is_cut_off].to_dict("records"):
         if any(np.isfinite(landing[f"contact_{foot}_s"]) for foot in feet):
             continue
         status = {foot: int(landing[f"status_{foot}"]) for foot in feet}
@@ -115,6 +117,64 @@ def untimed(recording: Recording, landings: pd.DataFrame) -> list[Message]:
     often = counted(len(named), "landing")
     values = {"recording": recording.name, "often": often, "places": places}
     return [Message("landings.untimed_landings", values)]
+
+
+def cut_off(
+    recordings: Sequence[Recording], tables: Sequence[pd.DataFrame]
+) -> list[Message]:
+    """Say how many landings are left out because a recording begins or ends in them.
+
+    At the begin the feet are down already while the body still sinks. At the end too
+    few frames follow to time a contact.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    tables : sequence of DataFrame
+        The descents of each, of `hopdata.landings.contacts.find.find_study_landings`.
+    """
+    n_landings = 0
+    places = []
+    for recording, landings in zip(recordings, tables, strict=True):
+        sides = _sides_cut_off(recording, landings)
+        n_landings += len(sides)
+        if sides:
+            places.append(f"{recording.name} ({' and '.join(sides)})")
+    if not places:
+        return []
+    listed = ", ".join(places[:MOST_NAMED])
+    if len(places) > MOST_NAMED:
+        listed += f" and {len(places) - MOST_NAMED} more"
+    values = {"often": counted(n_landings, "landing"), "recordings": listed}
+    return [Message("landings.cut_off", values)]
+
+
+def _sides_cut_off(recording: Recording, landings: pd.DataFrame) -> list[str]:
+    """Return at which ends of a recording a landing is cut off: begin, end."""
+    cut = _cut_off(recording, landings)
+    return [side for side, rows in cut.items() if rows.any()]
+
+
+def _cut_off(recording: Recording, landings: pd.DataFrame) -> dict[str, BoolArray]:
+    """Return which of L descents the begin of a recording cuts off, and its end."""
+    feet = recording.names("foot")
+    instants = landings[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
+    status = landings[[f"status_{foot}" for foot in feet]].to_numpy()
+    is_untimed = np.isnan(instants).all(axis=1)
+    # A descent of the body begins and ends with frames that show it.
+    body = recording.positions[:, recording.indices("body"), 2]
+    seen = recording.time[np.isfinite(body).any(axis=1)]
+    if not len(seen):
+        nowhere = np.zeros(len(landings), bool)
+        return {"begin": nowhere, "end": nowhere}
+    begins = landings["begin_s"].to_numpy() <= seen[0]
+    ends = landings["end_s"].to_numpy() >= seen[-1]
+    are_down = (status == descents.ALREADY_DOWN).all(axis=1)
+    lack_frames = np.isin(status, (descents.THIN, descents.MISSING)).any(axis=1)
+    return {
+        "begin": is_untimed & begins & are_down,
+        "end": is_untimed & ends & lack_frames,
+    }
 
 
 def hidden_contacts(recording: Recording, landings: pd.DataFrame) -> list[Message]:

@@ -94,6 +94,8 @@ class Trial:
         Markers whose positions are kept.
     positions : (N, K, 3) float32 array
         Their positions, in the file's unit and axes.
+    before_names : str
+        Subject that the file puts before its markers' names, and that is left out.
     """
 
     file: Path
@@ -106,6 +108,7 @@ class Trial:
     is_still: bool
     compared: tuple[str, ...]
     positions: FloatArray
+    before_names: str = ""
 
     @property
     def duration_s(self) -> float:
@@ -228,7 +231,10 @@ def _trial(file: Path, place: Path, raw: RawRecording) -> Trial:
     subject = _stated_subject(file)
     before_colon = {name.partition(":")[0] for name in raw.markers if ":" in name}
     if not subject and len(before_colon) == 1:
-        subject = before_colon.pop()
+        (subject,) = before_colon
+    left_out = ""
+    if markers != tuple(raw.markers):
+        (left_out,) = before_colon
     return Trial(
         file=file,
         place=place,
@@ -238,6 +244,7 @@ def _trial(file: Path, place: Path, raw: RawRecording) -> Trial:
         unit=raw.unit,
         subject=subject,
         is_still=_is_still(raw.positions),
+        before_names=left_out,
         compared=tuple(markers[m] for m in kept),
         positions=raw.positions[:, kept].astype(np.float32),
     )

@@ -239,6 +239,15 @@ def without_subject(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name.split(":", 1)[-1] for name in names)
 
 
+def subject_left_out(place: str, names: Sequence[str]) -> tuple[Remark, ...]:
+    """Return a remark on the subject that `without_subject` drops, if it drops one."""
+    if without_subject(names) == tuple(names):
+        return ()
+    subject = next(name.partition(":")[0] for name in names if ":" in name)
+    values = {"place": place, "subject": subject}
+    return (Message("recordings.subject_left_out", values),)
+
+
 def largest(numbers: FloatArray) -> float:
     """Return the largest absolute value; NaN if all values are NaN.
 

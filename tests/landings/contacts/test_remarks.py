@@ -1,11 +1,13 @@
 """What is told of feet that bounce, of doubted frames and of another rate."""
 
 import os
+import tomllib
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from checkouts import ROOT
 from scipy.interpolate import CubicSpline
 
 import hopdata as hd
@@ -21,7 +23,7 @@ from hopdata.landings.contacts.remarks import (
     one_for_all_feet,
 )
 from hopdata.landings.floor import fit_floor, level
-from hopdata.messages import Message
+from hopdata.messages import ENGLISH, Message, _templates
 
 HOPS = 14
 FEW_LANDINGS = [2, 5, 9]
@@ -236,3 +238,14 @@ def test_of_contacts_by_another_method_nothing_is_told():
     assert contact_remarks([standing], [by_kink])
     printed = find_landings(standing, method="velocity_minimum")
     assert not contact_remarks([standing], [printed])
+
+
+def test_a_common_error_is_told_in_the_same_words_as_what_to_do_about_it():
+    """One said early or late, the other that all are early."""
+    advice = (ROOT / "packaging" / "what_to_do.toml").read_text(encoding="utf-8")
+    of_landings = tomllib.loads(advice)["landings"]
+    for name in ("foot_springs_back", "feet_spring_back"):
+        told = _templates("landings", ENGLISH)[name]
+        assert "err alike, all early or all late" in told
+        assert "err alike" in of_landings[name]
+        assert "early" not in of_landings[name]

@@ -3,6 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
+from made_up_jumps import STYLES, jumping
+from made_up_people import person
 from qtm_files import NAMES, UPRIGHT, qtm_text, standing, write
 from trc_files import trc_text
 from written_files import write_c3d
@@ -135,6 +137,34 @@ def test_of_six_markers_the_two_that_are_pulled_least_speak_for_the_rate(
     positions = (np.arange(6)[:, None] + swing) * [0.0, 0.0, 1.0]
     found = guess_rate(RawRecording(MARKERS[:6], time, positions, 100.0, "m"), "m")
     assert found.is_sure == is_sure
+
+
+def of_people(positions, names, rate_hz):
+    time = np.arange(len(positions)) / rate_hz
+    return RawRecording(names, time, positions, rate_hz, "m", has_stamps=False)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    ("posture", "rate_hz"), [("walk", 120.0), ("walk", 250.0), ("treadmill", 120.0)]
+)
+def test_swinging_legs_do_not_speak_for_twice_the_rate(posture, rate_hz, seed):
+    """At twice the rate they would fall freely, one leg at a time."""
+    walker = person(seed, posture, "Plug-in Gait", seconds=4.0, rate_hz=rate_hz)
+    walk = of_people(walker.positions, walker.names, rate_hz)
+    assert guess_rate(walk, "m").is_sure
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rate_hz", [120.0, 500.0])
+def test_flights_speak_for_their_rate_alone(seed, rate_hz):
+    positions = jumping(seed, jumps=2, rate_hz=rate_hz)
+    for factor, is_sure in ((1.0, True), (0.5, False), (2.0, False)):
+        stated = of_people(positions, STYLES["qtm"], factor * rate_hz)
+        found = guess_rate(stated, "m")
+        assert found.is_sure == is_sure
+        if not is_sure:
+            assert found.other == f"{rate_hz:g}"
 
 
 def test_time_stamps_speak_against_the_rate_that_is_stated():

@@ -35,15 +35,10 @@ _TRAJECTORIES = "trajectories"
 _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")
 
 _KNOWN = (
-    "an export of Motive (Format Version), Vicon Nexus (a section Trajectories), "
-    "DeepLabCut (scorer), Anipose, Kinetics Toolkit (<name>[0] to [3]), D-Flow "
-    "(<name>.PosX) or SLEAP (frame_idx), or a table (columns <name>_x, _y, _z)"
+    "columns <name>_x, <name>_y, <name>_z, or an export listed in docs/formats.md "
+    "(Motive, Nexus ...)"
 )
-_LONG = (
-    "one for each marker; in pandas table.pivot(index='frame', columns='marker', "
-    "values=['x', 'y', 'z']).swaplevel(axis=1) arranges them, with the table's own "
-    "names"
-)
+_LONG = "one for each marker (docs/formats.md turns it, under CSV)"
 
 Row = list[str]
 
@@ -374,13 +369,15 @@ def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
         found = ",".join(head[3][:2]) if len(head) > 3 else "the end of the file"
         raise RecordingError.at(trajectories.line(3), "Frame,Sub Frame", found)
     starts = [place for place, axis in enumerate(head[3]) if axis == "X"]
-    names = raw.without_subject([_at(head[2], place) for place in starts])
+    full_names = [_at(head[2], place) for place in starts]
+    names = raw.without_subject(full_names)
     has_units = not text.is_number(head[4][0])
     unit = _at(head[4], starts[0]) if has_units and starts else ""
     stated_hz = _stated(trajectories.line(1), {"rate": head[1][0]}, "rate")
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[raw.Remark, ...] = ()
     if others:
         remarks = (f"{sheet.path}: section {', '.join(others)} not read",)
+    remarks += raw.subject_left_out(f"{sheet.path}", full_names)
     return _recording(
         trajectories,
         _Blocks(
@@ -450,7 +447,7 @@ def _recording(
     *,
     rates_hz: tuple[float | None, float | None],
     unit: tuple[str, str],
-    remarks: tuple[str, ...],
+    remarks: tuple[raw.Remark, ...],
 ) -> raw.RawRecording:
     """Read the markers of a sheet.
 
