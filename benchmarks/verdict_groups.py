@@ -25,7 +25,9 @@ differ, and `p_small` those whose p-value is below 0.05.
 the shares of 200 groups that are called different by the mean alone (`mean`), by both
 rules as they share the level (`shared`), by each at half of it (`halves`) and with no
 joint level (`separate`: the mean at 0.025, the number of studies at 0.05). `fewest` is the
-number of studies that are enough, and `fewest_of_half` that with halves.
+number of studies that are enough, and `fewest_of_half` that with halves. `some` is the
+share of groups in which a study is different on its own, `some_jump` that in which only
+its jump is, and `some_jump_holds` that in which such a jump holds after Holm.
 """
 
 from __future__ import annotations
@@ -51,6 +53,7 @@ from hopdata.maps.verdict.group import (
     differ,
     joint_level,
     judge_group,
+    jumps_that_hold,
 )
 
 SUBJECTS = 48
@@ -66,7 +69,17 @@ LEVELS_GROUPS = 200
 # Share of the subjects that have a kink.
 WITH_KINKS = {"c1": 0.0, "third": 1.0 / 3.0, "half": 0.5, "clutch": 1.0}
 LEVEL = 0.05
-COLUMNS = ("kind", "seed", "landings", "true", "conclusion", "low", *OF_GROUP)
+COLUMNS = (
+    "kind",
+    "seed",
+    "landings",
+    "true",
+    "conclusion",
+    "decided_by",
+    "jump_p_value",
+    "low",
+    *OF_GROUP,
+)
 
 
 def studies_of(kind: str, seed: int) -> list[dict[str, Any]]:
@@ -80,6 +93,9 @@ def studies_of(kind: str, seed: int) -> list[dict[str, Any]]:
         verdict = asked(data, seed)
         row = {"kind": kind, "seed": seed, "landings": number, "true": truth.kink}
         row["conclusion"] = verdict.conclusion
+        row["decided_by"] = verdict.decided_by
+        if verdict.jump is not None and verdict.decided_by == "jump":
+            row["jump_p_value"] = verdict.jump.p_value
         if verdict.effect is not None:
             effect = asdict(verdict.effect)
             row |= {name: effect[name] for name in ("low", *OF_GROUP)}
@@ -198,6 +214,9 @@ def by_each_rule(group: pd.DataFrame) -> dict[str, bool]:
         "shared": verdict.conclusion == "different",
         "halves": mean or verdict.alone >= fewest_below(len(group), LEVEL / 2.0),
         "separate": mean or verdict.alone >= fewest_below(len(group), LEVEL),
+        "some": verdict.alone > 0,
+        "some_jump": bool((group["decided_by"] == "jump").any()),
+        "some_jump_holds": jumps_that_hold(group["jump_p_value"]) > 0,
     }
 
 

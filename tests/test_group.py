@@ -102,12 +102,21 @@ def test_the_same_landings_as_two_subjects_are_told():
 def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     sizes = {"estimate": 0.02, "low": 0.0, "high": 0.38, "conclusion": "different"}
     jumps = {"decided_by": "jump", "jump_estimate": 0.12, "landings": 500}
-    jumps |= {"jump_low": 0.054, "jump_high": 0.17}
+    jumps |= {"jump_low": 0.054, "jump_high": 0.17, "jump_p_value": 0.009}
     rows = [row(n, 0.01 * k) | sizes | jumps | {"name": n} for k, n in enumerate("abc")]
     group = put_together(rows, GROUP)
     assert group["conclusion"] == "different"
     assert "3 of 3 studies are on their own" in group["sentence"]
-    assert "The outcome jumps in 3 of them" in group["sentence"]
+    corrected = "corrected for the number of studies (Holm, 95 %), in {}."
+    assert (
+        "The outcome jumps in 3 of them, which the size does not show; "
+        in (group["sentence"])
+    )
+    assert corrected.format(3) in group["sentence"]
+    others = [row(f"o{k}", 0.3 + k) for k in range(5)]
+    larger = put_together([*rows, *others], GROUP)["sentence"]
+    assert "The outcome jumps in 3 of them" in larger
+    assert corrected.format(0) in larger
     page = build_group_page(group, [])
     assert (
         page.count(">a jump of 12\u00a0%<")
@@ -117,7 +126,7 @@ def test_the_page_shows_the_jump_of_a_study_that_it_decided():
     assert "38\u00a0%" not in page
     (axes,) = group_figure(group).axes
     assert [text.get_text() for text in axes.texts] == [
-        "the outcome jumps, by 12\u00a0% (5.4\u00a0% to 17\u00a0%) of what it varies"
+        "the outcome jumps, by 12\u00a0% (5.4\u00a0% to 17\u00a0%) of the map"
     ] * 3
 
 

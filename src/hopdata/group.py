@@ -178,7 +178,8 @@ def put_together(
             answer |= _of_conditions(rows, answered, group["verdict"])
         else:
             effect = judge_group(answered, **group["verdict"])
-            sentence = " ".join([effect.sentence, *_beside(rows)])
+            beside = _beside(rows, group["verdict"]["confidence"])
+            sentence = " ".join([effect.sentence, *beside])
             answer |= {"conclusion": effect.conclusion, "sentence": sentence}
             answer["effect"] = asdict(effect)
     except AnalysisError as error:
@@ -222,7 +223,7 @@ def _of_conditions(
         )
         for one in judged
     ]
-    said += _beside(rows)
+    said += _beside(rows, confidence)
     between = conditions_said(compared, confidence=confidence)
     if between:
         said.append(between)
@@ -270,14 +271,22 @@ def _conclusion_of(conclusions: Sequence[str]) -> str:
     return CANNOT_TELL
 
 
-def _beside(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def _beside(rows: Sequence[Mapping[str, Any]], confidence: float) -> list[str]:
     """Return sentences on the studies that jump, and on those without an answer."""
+    from hopdata.maps.verdict.group import jumps_that_hold
+    from hopdata.maps.verdict.words import as_given
+
     said = []
-    jumps = sum(row.get("decided_by") == "jump" for row in rows)
-    if jumps:
-        said.append(
-            f"The outcome jumps in {jumps} of them, which the size does not show."
-        )
+    jumping = [row for row in rows if row.get("decided_by") == "jump"]
+    if jumping:
+        answered = [row for row in rows if not row["reason"]]
+        p_values = [row.get("jump_p_value", math.nan) for row in answered]
+        values = {
+            "jumps": len(jumping),
+            "hold": jumps_that_hold(p_values, confidence=confidence),
+            "confidence": as_given(confidence),
+        }
+        said.append(str(Message("maps.jumps_of_group", values)))
     without = sum(bool(row["reason"]) for row in rows)
     if without:
         said.append(f"Without an answer: {without} of {len(rows)} studies.")

@@ -113,6 +113,19 @@ def test_a_jump_of_the_outcome_is_not_said_to_be_one_of_the_derivative():
     assert "The thin arrow begins at" in page()
 
 
+def test_a_jump_is_drawn_with_the_smooth_maps_that_look_like_it():
+    """In the captions of both figures, in the methods paragraph and beside the answer."""
+    jump = {**verdict()["effect"], "low": 0.05}
+    row = {"of": "jump", "first": "1", "second": "2", "p_value": 0.001, **jump}
+    found = {"conclusion": "different", "decided_by": "jump", "contact_spread": 0.0112}
+    of_jump = verdict(**found, jump=jump, orders=[row])
+    look_alike = "steps within a fifth of the contact spread (here 2.2 ms)"
+    assert page(verdict=of_jump).replace("\u00a0", " ").count(look_alike) == 4
+    none = {**of_jump, "decided_by": "effect", "jump": {**jump, "low": 0.0}}
+    # The methods paragraph tells it of any jump that could be named.
+    assert page(verdict=none).replace("\u00a0", " ").count(look_alike) == 1
+
+
 def test_the_scaling_study_is_of_the_scene_that_was_simulated():
     slopes = {"quadruped": 1.98, "coupling": 1.03}
     assert set(slopes) & set(CONTROLS) == {"coupling"}

@@ -339,6 +339,42 @@ def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():
     assert answer(known | jump) == [known["sentence"]]
 
 
+NAMED_JUMP = {**verdict()["effect"], "low": 0.05}
+NO_JUMP = {**verdict()["effect"], "low": 0.0}
+
+
+@pytest.mark.parametrize("decided_by", ["jump", "effect"])
+@pytest.mark.parametrize(
+    ("notes", "told"),
+    [
+        ([], "steps within a fifth of the contact spread (here 2.2 ms)"),
+        (
+            [{"what": "", "reason": "", "code": "maps.jump_or_bend", "values": {}}],
+            "bends within the contact spread (here 11 ms)",
+        ),
+    ],
+)
+def test_a_jump_is_named_with_the_smooth_maps_that_look_like_it(
+    decided_by, notes, told
+):
+    known = verdict(
+        conclusion="different",
+        decided_by=decided_by,
+        contact_spread=0.0112,
+        notes=notes,
+        jump=NAMED_JUMP,
+        orders=[{"of": "jump", "first": "1", "second": "2", **NAMED_JUMP}],
+    )
+    said = [str(one).replace("\u00a0", " ") for one in answer(known)]
+    assert told in said[-1]
+    assert len(said) == 2 + (decided_by == "effect")
+    assert told in verdict_facts(known)["like_jump"].replace("\u00a0", " ")
+    for without in ({"jump": NO_JUMP}, {"jump": None}, {"contact_spread": None}):
+        other = known | without | {"decided_by": "effect"}
+        assert verdict_facts(other)["like_jump"] is None
+        assert not any("that jumps" in str(one) for one in answer(other))
+
+
 def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     one = verdict()
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}

@@ -25,9 +25,7 @@ ASKED = "difference between the maps of the contact orders"
 # Quantity that decides the answer: its axis label.
 AXES = {
     "effect": f"{ASKED}\n(% of the map; 0: one and the same map)",
-    "jump": (
-        "jump of the outcome between contact orders\n(% of what it varies; 0: none)"
-    ),
+    "jump": ("jump of the outcome between contact orders\n(% of the map; 0: none)"),
 }
 # Conclusion: a short answer, and its shade. Colours mark the feet, and nothing else.
 ANSWERS = {
@@ -544,7 +542,7 @@ def _top_of_group(rows: Sequence[Mapping[str, Any]], margin: float) -> float:
     sizes = [margin]
     ends = []
     for row in rows:
-        if "jump_low" in row:  # a jump is not a share of the map
+        if "jump_low" in row:  # a jump is not a difference of derivatives
             ends.append(0.0)
             continue
         shown = [over_landings(row)]
@@ -624,7 +622,7 @@ def _write_jump(axes: Axes, row: Mapping[str, Any], place: float) -> None:
     _, colour = ANSWERS[row["conclusion"]]
     size = _percent(row["jump_estimate"])
     interval = f"{_percent(row['jump_low'])} to {_percent(row['jump_high'])}"
-    words = f"the outcome jumps, by {size} ({interval}) of what it varies"
+    words = f"the outcome jumps, by {size} ({interval}) of the map"
     look = {"va": "center", "color": colour, "bbox": style.ON_WHITE}
     style.note(axes, words, (0.0, place), (4, 0), **look)
 

@@ -66,7 +66,7 @@ def _answers(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Return the number of studies of each answer, and their sizes."""
     found = []
     for answer, studies in by_answer(rows).items():
-        # A jump is not a share of the map.
+        # A jump is not a difference of derivatives.
         sizes = [
             row["estimate"]
             for row in studies

@@ -17,6 +17,7 @@ from hopdata.messages import Message
 from hopdata.report.formatting import records, significant
 from hopdata.report.inputs import ReportInputs, count_feet, joined_feet
 from hopdata.report.tables import NO_FOOT_LANDED, excluded
+from hopdata.report.verdict import step_like_jump
 
 BIBTEX = Path(__file__).with_name("references.bib")
 # Packages whose versions a paper states.
@@ -430,6 +431,9 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         said += _of_contact(verdict)
     if verdict.get("jump"):
         said.append(Message("report.methods_jump", values))
+        like_jump = step_like_jump(verdict)
+        if like_jump is not None:
+            said.append(like_jump)
     return said
 
 

@@ -70,8 +70,9 @@ def test_pushes_that_add_have_the_form():
     assert grouped.value == 2
     assert grouped.detail.endswith("0 with its velocity 2, 1 with its velocity 3")
     lines = str(found).split("\n")
-    assert "(FoPAS; sufficient for C1, and holds)" in lines[-5]
-    assert [line[:3] for line in lines[-4:]] == ["yes"] * 4
+    assert "(FoPAS), sufficient for C1 and not necessary" in lines[-6]
+    assert [line[:3] for line in lines[-5:-1]] == ["yes"] * 4
+    assert lines[-1] == "FoPAS: every line holds, and so the flow is C1"
 
 
 @pytest.mark.parametrize(
@@ -91,8 +92,12 @@ def test_what_breaks_the_form_is_the_line_that_fails(broken, condition, size):
     assert not found.is_fopas
     value = next(f.value for f in found.fopas if f.condition == condition)
     assert size / 5 <= value <= 5 * size
-    assert "does not hold" in str(found)
     assert missing(found) == [condition]
+    assert str(found).split("\n")[-1] == found.of_second_column
+    asked = "a line fails, which decides nothing"
+    if condition == GROUPED:
+        asked = "not asked without positions and velocities"
+    assert asked in found.of_second_column
 
 
 def test_coupled_feet_are_no_longer_one_map():
@@ -113,6 +118,11 @@ def test_the_form_is_not_necessary():
     assert found.verdict == "C1"
     assert len(missing(found)) > 0
     assert not found.is_fopas
+    # NO is the mark of what a C1 flow needs, and "no" of what it can do without.
+    told = str(found)
+    assert "NO " not in told
+    assert "does not hold" not in told
+    assert len(missing(found)) == sum(line[:3] == "no " for line in told.split("\n"))
 
 
 @field

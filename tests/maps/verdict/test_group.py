@@ -16,6 +16,7 @@ from hopdata.maps.verdict.group import (
     differ,
     joint_level,
     judge_group,
+    jumps_that_hold,
 )
 from hopdata.maps.verdict.model import LEFT
 
@@ -82,11 +83,52 @@ def test_more_differences_than_false_alarms_explain_are_one_of_the_group(
     verdict = judge_group(table)
     assert verdict.low == 0.0
     assert (verdict.conclusion == "different") == is_different
-    said = f"Different on their own: {found} of 6 studies."
+    said = (
+        "Different on their own: 1 of 6 studies, which decides nothing: false alarms "
+        "give as many in up to 26 % of groups without a difference."
+    )
     if is_different:
-        said = f"{found} of 6 studies are on their own, more than false alarms explain."
+        chance = {2: "3.3 %", 6: "0.1 %"}[found]
+        said = (
+            f"{found} of 6 studies are on their own, and false alarms give as many in "
+            f"at most {chance} of groups without a difference."
+        )
         assert "Over all of them, derivatives differ by " in verdict.sentence
     assert said in verdict.sentence
+
+
+def test_what_false_alarms_explain_is_said_beside_a_mean_that_decides():
+    table = studies(np.full(8, 0.6), 1)
+    none = judge_group(table)
+    assert none.low > 0.0
+    assert none.sentence.endswith("Different on their own: 0 of 8 studies.")
+    table.loc[:3, "conclusion"] = "different"
+    some = judge_group(table)
+    at_most = "false alarms give as many in at most 0.1 % of groups"
+    assert f"Different on their own: 4 of 8 studies; {at_most}" in some.sentence
+
+
+@pytest.mark.parametrize("number", [6, 12, 48])
+def test_jumps_of_a_group_seldom_hold_by_chance(number):
+    """P-values of 1,999 signs; without Holm one of 12 studies jumps in every ninth group."""
+    rng = np.random.default_rng(number)
+    drawn = rng.integers(1, 2001, (1000, number)) / 2000
+    alone = np.mean((drawn < 0.01).any(axis=1))
+    held = np.mean([jumps_that_hold(one) > 0 for one in drawn])
+    assert alone == pytest.approx(1 - 0.99**number, abs=0.04)
+    assert held < 0.07
+    assert held < alone
+
+
+def test_a_jump_holds_in_a_group_if_it_is_surer_than_one_of_many():
+    none = np.full(11, np.nan)
+    assert jumps_that_hold([0.0005, *none]) == 1
+    assert jumps_that_hold([0.009, *none]) == 0
+    assert jumps_that_hold([0.009, *none[:4]]) == 1
+    # Each that holds leaves one fewer to correct for.
+    assert jumps_that_hold([0.0005, 0.0045, *none[:10]]) == 2
+    assert jumps_that_hold([0.0045, *none]) == 0
+    assert jumps_that_hold([]) == 0
 
 
 @pytest.mark.parametrize("confidence", [0.9, 0.95, 0.99])
@@ -96,6 +138,7 @@ def test_two_rules_share_the_level_of_a_group(confidence):
         by_number = binom.sf(fewest - 1, number, 1.0 - confidence)
         assert by_number + of_mean <= 1.0 - confidence + 1e-12
         assert of_mean >= 0.1 * (1.0 - confidence)
+        assert fewest >= 2, "a single study never decides a group"
         # One study fewer would leave the mean too little.
         fewer = binom.sf(fewest - 2, number, 1.0 - confidence)
         assert fewer >= 0.9 * (1.0 - confidence)

@@ -101,7 +101,8 @@ def test_octant_is_event_selected_and_not_c1():
 
 
 def test_the_table_reads_as_a_checklist():
-    lines = str(landing_report(Control(coupling=0.1))).split("\n")
+    report = landing_report(Control(coupling=0.1))
+    lines = str(report).split("\n")
     assert lines[0] == (
         "event-selected, not C1 (does not hold: all orders have one saltation product)"
     )
@@ -110,8 +111,9 @@ def test_the_table_reads_as_a_checklist():
     assert "(ESS)" in lines[7]
     assert [line[:3] for line in lines[8:12]] == ["yes"] * 4
     assert lines[13].startswith("NO ")
-    assert "(FoPAS; sufficient for C1, and does not hold)" in lines[14]
-    assert [line[:3].strip() for line in lines[15:]] == ["yes", "yes", "yes", "NO"]
+    assert "(FoPAS), sufficient for C1 and not necessary" in lines[14]
+    assert [line[:3].strip() for line in lines[15:19]] == ["yes", "yes", "yes", "no"]
+    assert lines[19:] == [report.of_second_column]
     assert len({line.find("<=") for line in lines if "<=" in line}) == 1
 
 

@@ -131,8 +131,8 @@ def why_not_positions(
 
 #: What a user does where the coordinates are not positions and velocities.
 OTHERWISE = (
-    "others may be given as positions=; if no half of the coordinates will do, as with "
-    "a memory of footholds, this column says nothing, and the verdict holds without it"
+    "others may be given as positions=; with a memory of footholds no half of the "
+    "coordinates will do"
 )
 
 

@@ -29,7 +29,7 @@ from hopdata.hybrid.first_order.saltation import (
     CrossingOrder,
     NotTransversalError,
 )
-from hopdata.hybrid.first_order.second_order import second_order_form
+from hopdata.hybrid.first_order.second_order import GROUPED, second_order_form
 from hopdata.hybrid.system import System
 
 
@@ -186,27 +186,45 @@ class SmoothnessReport:
         findings = (*self.selection, self.products)
         return tuple(one.condition for one in findings if not one.passed)
 
+    @property
+    def of_second_column(self) -> str:
+        """What the second column says about the answer, in words."""
+        if self.is_fopas:
+            return "FoPAS: every line holds, and so the flow is C1"
+        failed = [one.condition for one in self.fopas if not one.passed]
+        rests = "the answer is that of the lines above FoPAS"
+        if GROUPED in failed:
+            return f"FoPAS: not asked without positions and velocities; {rests}"
+        return f"FoPAS: a line fails, which decides nothing; {rests}"
+
     def __str__(self) -> str:
         title = self.verdict
         if self.reasons:
             title += f" (does not hold: {'; '.join(self.reasons)})"
-        holds = "does not hold"
-        if self.is_fopas:
-            holds = "holds"
-        parts = {
+        required = {
             "event-selected C1, by definition, if": self.definitions,
             "table 1.1, event-selected system (ESS), if": self.ess,
             "C1 if moreover": (self.products,),
-            "table 1.1, force-position additive system (FoPAS; sufficient for C1, and "
-            f"{holds}), if": self.fopas,
         }
-        findings = [one for group in parts.values() for one in group]
-        head, *rows = Finding.table(findings).split("\n")
+        findings = [one for group in required.values() for one in group]
+        head, *rows = Finding.table([*findings, *self.fopas]).split("\n")
         lines = [title, f"guards {', '.join(self.guards)}", head]
-        for what, group in parts.items():
+        for what, group in required.items():
             lines += [what, *rows[: len(group)]]
             rows = rows[len(group) :]
-        return "\n".join(lines)
+        lines.append(
+            "table 1.1, force-position additive system (FoPAS), sufficient for C1 and "
+            "not necessary, if"
+        )
+        lines += [_not_required(row) for row in rows]
+        return "\n".join([*lines, self.of_second_column])
+
+
+def _not_required(row: str) -> str:
+    """Return a row of the table whose condition may fail in a flow that is C1."""
+    if row.startswith("NO"):
+        return "no" + row.removeprefix("NO")
+    return row
 
 
 #: Radius of the neighbourhood in which `check_c1` bounds the rates of event functions.

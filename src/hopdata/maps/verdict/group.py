@@ -34,11 +34,13 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import conclude
 from hopdata.maps.verdict.model import one_landing, upper_ends
+from hopdata.maps.verdict.signs import level_of
 from hopdata.maps.verdict.words import DIFFERENT, as_given, percent, sentence
 from hopdata.messages import Message
 
@@ -50,6 +52,10 @@ LEAST_SUBJECTS = 3
 #: Unit: 1. Origin: chosen: two of 7 studies and three of 16 are then still enough,
 #: which false alarms give in 4.4 and 4.3 % of groups.
 LEAST_OF_MEAN = 0.1
+
+#: A probability of false alarms below this is said to be at most this.
+#: Unit: 1. Origin: chosen: more digits than a reader needs.
+LEAST_CHANCE = 0.001
 
 
 @dataclass(frozen=True)
@@ -185,6 +191,29 @@ def joint_level(number: int, confidence: float) -> tuple[int, float]:
     return int(numbers[enough]), float(min(level / 2.0, level - attained[enough]))
 
 
+def jumps_that_hold(p_values: ArrayLike, *, confidence: float = 0.95) -> int:
+    """Return how many jumps hold together, by Holm's method over all studies.
+
+    In at most 1 - `confidence` of the groups whose outcomes do not jump one holds: of
+    single studies, each with its own level, one in a hundred would jump by chance.
+
+    Parameters
+    ----------
+    p_values
+        (n,) p-value of the jump of each study with an answer; NaN where no jump is
+        found.
+    confidence
+        As for a study.
+    """
+    from statsmodels.stats.multitest import multipletests
+
+    found = np.nan_to_num(np.asarray(p_values, float), nan=1.0)
+    if not len(found):
+        return 0
+    holds = multipletests(found, alpha=level_of(confidence), method="holm")[0]
+    return int(np.count_nonzero(holds))
+
+
 def judge_group(
     members: pd.DataFrame, *, margin: float = 0.2, confidence: float = 0.95
 ) -> GroupVerdict:
@@ -225,7 +254,9 @@ def judge_group(
         conclusion = DIFFERENT
     compared = Message("maps.all_contact_orders")
     sizes = (estimate, low, high, bound)
-    counts = {"number": alone, "studies": len(members)}
+    counts: dict[str, Any] = {"number": alone, "studies": len(members)}
+    if alone:
+        counts["chance"] = percent(max(chance, LEAST_CHANCE))
     if conclusion == DIFFERENT and not low > 0.0:
         of_all = {
             "compared": compared,
@@ -239,7 +270,12 @@ def judge_group(
         answer = sentence(
             conclusion, sizes, compared, confidence, margin, subjects=found.n
         )
-        said = Message("maps.alone", {"answer": answer, **counts})
+        code = "maps.alone"
+        if alone >= fewest:
+            code = "maps.alone_too"
+        elif alone:
+            code = "maps.alone_by_chance"
+        said = Message(code, {"answer": answer, **counts})
     return GroupVerdict(
         conclusion=conclusion,
         sentence=str(said),

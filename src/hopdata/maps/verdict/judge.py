@@ -389,6 +389,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(reading, jumps=jumps)
     limited += limits.bends_like_jumps(sizes)
+    limited += limits.pooled(measured)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = reading.growth()

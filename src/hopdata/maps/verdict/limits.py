@@ -7,9 +7,11 @@ from hopdata.arrays import BoolArray
 from hopdata.feet import with_foot_names
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
+from hopdata.maps.verdict.data import Measured
 from hopdata.maps.verdict.growth import Growth
 from hopdata.maps.verdict.model import LEFT
 from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
+from hopdata.maps.verdict.pooled import of_more_bodies
 from hopdata.maps.verdict.readings import Reading
 from hopdata.maps.verdict.signs import IN_A_ROW
 from hopdata.maps.verdict.sizes import Sizes
@@ -163,6 +165,15 @@ def grows(growth: Growth | None) -> Notes:
         return [_note("grows", **values)]
     if growth.high >= CURVATURE:
         return [_note("may_grow", **values)]
+    return []
+
+
+def pooled(measured: Measured) -> Notes:
+    """Return a note on landings that seem to be of more bodies, and have no blocks."""
+    if measured.blocks is not None:
+        return []
+    if of_more_bodies(measured.before[measured.known()]):
+        return [_note("more_bodies")]
     return []
 
 
