@@ -10,6 +10,7 @@ from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.rows import (
     CONTACTS,
     EXPECTED_BEYOND,
+    _far_states,
     gross,
     markers_apart,
     misses,
@@ -71,6 +72,23 @@ def test_mistakes_decide_nothing(how):
         assert answer.conclusion == clean.conclusion == conclusion
         ratio = answer.effect.upper_bound / clean.effect.upper_bound
         assert 1 / 1.3 < ratio < 1.3
+
+
+@pytest.mark.parametrize("share", [0.25, 0.4, 0.6])
+def test_another_kind_of_landings_is_no_mistake(share):
+    """Most landings are drops from one height, and the rest are rebounds."""
+    rng = np.random.default_rng(4)
+    states = rng.standard_normal((N, 8))
+    rebounds = rng.random(N) < share
+    states[~rebounds, 3] *= 0.01
+    assert not _far_states(states).any()
+
+
+@pytest.mark.parametrize("n_wrong", [1, 13, 60])
+def test_states_far_from_all_others_are_mistakes(n_wrong):
+    states = np.random.default_rng(4).standard_normal((N, 8))
+    states[:n_wrong, 3] += 40.0
+    assert np.flatnonzero(_far_states(states)).tolist() == list(range(n_wrong))
 
 
 @pytest.mark.parametrize("strength", [0.0, 0.3])

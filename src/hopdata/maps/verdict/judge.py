@@ -123,9 +123,9 @@ class Verdict(Shown):
     decided_by
         ``"jump"`` if only the jump shows a difference, otherwise ``"effect"``.
     landings_needed
-        Number of landings that show a difference of `ASKED` with the given power; None
-        if the size could not be computed, if the jump decided, or if no number
-        suffices.
+        Number of judged landings, as `n_landings` counts them, that show a difference
+        of `ASKED` with the given power; None if the size could not be computed, if the
+        jump decided, or if no number suffices.
     contacts_r2
         Share of the contact instants' mean square that the inputs foretell in landings
         left out of the fit (cross-validated R²); None if it could not be computed. The
@@ -555,10 +555,11 @@ def _answer(
     sizes = reading.sizes
     effect = contact.size
     conclusion = conclude(effect.low, effect.upper_bound, options.margin)
+    judged = len(reading.landings.inputs)
     needed = None
     if effect.least_allowed < ASKED:
-        needed = effect.landings_needed(measured.n_known, ASKED, measured.n_feet)
-    could_show = outlook(effect, needed, measured.n_known, options.power)
+        needed = effect.landings_needed(judged, ASKED, measured.n_feet)
+    could_show = outlook(effect, needed, judged, options.power)
     if contact.saturates:
         code = "maps.outlook_seems_to_fade"
         if conclusion == DIFFERENT and reading.surely_saturates:

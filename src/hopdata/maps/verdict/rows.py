@@ -57,8 +57,9 @@ UPPER = 0.8
 
 #: A state is far from all others beyond this distance from the median, which no heavy
 #: tail explains.
-#: Unit: median distances. Origin: chosen.
-FAR_OFF = 30.0
+#: Unit: the quantile `UPPER` of the distances. Origin: chosen: 20 standard deviations of
+#: normally distributed states.
+FAR_OFF = 16.0
 
 #: Least slack of a landing (one minus its leverage) by which a residual is divided.
 #: Unit: 1. Origin: chosen.
@@ -140,10 +141,7 @@ def markers_apart(states: FloatArray) -> BoolArray:
 
 def gross(landings: SectionLandings) -> Mapping[str, BoolArray]:
     """Return which of the n landings are gross errors, by reason."""
-    state = landings.inputs[:, :STATE]
-    from_median = np.abs(state - np.median(state, axis=0))
-    is_far = from_median > FAR_OFF * np.median(from_median, axis=0)
-    far_states = np.asarray(is_far.any(axis=1))
+    far_states = _far_states(landings.inputs[:, :STATE])
     late = np.linalg.norm(landings.missed, axis=1)
     is_late = _beyond(late) & (late > LEAST_LATE)
 
@@ -155,6 +153,18 @@ def gross(landings: SectionLandings) -> Mapping[str, BoolArray]:
     far_outcomes[near] = _beyond(missed)
     far_outcomes &= ~_of_orders_that_are_far(landings, far_outcomes)
     return {FAR_STATE: far_states, CONTACTS: is_late, OUTCOME: far_outcomes}
+
+
+def _far_states(states: FloatArray) -> BoolArray:
+    """Return which states (n, 8) are far from all others, in any coordinate, (n,).
+
+    How the states spread is told by the quantile `UPPER`, not by the median: where most
+    landings are drops from one height and the rest are rebounds, the drops alone have
+    the median. The rebounds are a kind of landings, no errors.
+    """
+    from_median = np.abs(states - np.median(states, axis=0))
+    is_far = from_median > FAR_OFF * np.quantile(from_median, UPPER, axis=0)
+    return np.asarray(is_far.any(axis=1))
 
 
 def _of_orders_that_are_far(
