@@ -26,13 +26,18 @@ def written(tmp_path, content):
     return str(file)
 
 
+def table_of(said):
+    """Return the lines of the table, which stands between empty lines, below its head."""
+    return said.split("\n\n")[1].splitlines()[1:]
+
+
 def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(
     tmp_path, capsys
 ):
     assert main(["plan", written(tmp_path, PILOT), "--difference", "0.18"]) == 0
     said = capsys.readouterr().out
-    assert "1,000 landings of 3 feet find 20 % in 80 % of studies" in said
-    rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
+    assert "1,000 judged landings of 3 feet find 20 % in 80 % of studies" in said
+    rows = dict(map(str.strip, line.split("%")) for line in table_of(said))
     # The terms of 3 feet take 60 landings: 60 + 940 / 0.5^2.
     assert rows["15"] == "3,800"
     assert rows["20"] == "1,000"
@@ -43,7 +48,7 @@ def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(
 def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     apart = PILOT | {"effect": {"detectable": 0.4, "allowed": 0.22}}
     assert main(["plan", written(tmp_path, apart)]) == 0
-    rows = capsys.readouterr().out.splitlines()[3:]
+    rows = table_of(capsys.readouterr().out)
     assert rows[-1].startswith("the margin, 20 %, is within the 22 %")
     assert [row.split("%")[0].strip() for row in rows[:-2]] == [
         "25",
@@ -111,7 +116,7 @@ def test_a_small_pilot_is_planned_by_the_landings_that_a_large_study_uses(
     small = PILOT | {"n_landings": 300, "effect": effect | nearest}
     assert main(["plan", written(tmp_path, small), "--difference", "0.12"]) == 0
     said = capsys.readouterr().out
-    rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
+    rows = dict(map(str.strip, line.split("%")) for line in table_of(said))
     # 60 + 240 (0.4 / 0.02)^2, and 60 + 240 (0.4 / 0.1)^2
     assert rows["12"] == "96,000"
     assert rows["20"] == "3,900"

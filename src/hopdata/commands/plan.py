@@ -47,7 +47,7 @@ def plan(options: argparse.Namespace) -> int:
     require_lasting(verdict.get("conclusion", ""), saturates=saturates, jumps=jumps)
     detectable, allowed, detectable_nearest, allowed_nearest = _sizes(file, effect)
     found = f"{100 * detectable:.3g} % in {100 * power:g} % of studies"
-    print(f"{landings:,} landings of {feet} feet find {found}\n")
+    print(f"{landings:,} judged landings of {feet} feet find {found}\n")
     if saturates:
         print(
             "These are differences over the landings. What may be hidden fades before"
@@ -70,6 +70,7 @@ def plan(options: argparse.Namespace) -> int:
         for difference in sorted(asked)
     }
     _print_needed(needed)
+    print(f"\n{Message('commands.plan_judged')}")
     size = effect.get("estimate", detectable)
     conclusion = verdict.get("conclusion", "")
     notes = plan_notes(conclusion, size, int(feet), jumps=jumps)

@@ -21,7 +21,7 @@ from hopdata.maps.verdict.limits import (
     TWO_KINDS_CODE,
 )
 from hopdata.maps.verdict.model import LEFT
-from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence
+from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence, with_no_more
 from hopdata.messages import Message
 
 OPTIONS = {"seed": 3, "flips": 199}
@@ -229,7 +229,7 @@ def test_what_could_have_been_seen_is_said():
     )
     said = str(outlook(size, 2_312, 1_617, 0.8))
     assert "difference of 15 % would be found in 80 %" in said
-    assert "you would need about 2,300 landings" in said
+    assert "you would need about 2,300 judged landings" in said
     assert "cannot be seen with any number" in str(outlook(size, None, 1_617, 0.8))
     none = replace(size, detectable=1.2)
     assert "Nothing could have been seen" in str(outlook(none, 144_000, 1_617, 0.8))
@@ -243,8 +243,29 @@ def test_no_study_is_told_to_have_what_it_has(landings, enough):
         0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.1, 0.1, 0.15, 0.1
     )
     said = str(outlook(size, 990, landings, 0.8))
-    assert ("you would need about 990 landings" in said) == (not enough)
-    assert ("to see 20 %, about 990 of these landings are enough" in said) == enough
+    assert ("you would need about 990 judged landings" in said) == (not enough)
+    assert (
+        "to see 20 %, about 990 of the judged landings are enough" in said
+    ) == enough
+
+
+def test_a_difference_that_was_found_counts_as_scatter():
+    data = landings(400, strength=0.6)
+    found = judge(data.before, data.after, data.instants, seed=1, flips=199)
+    assert found.conclusion == "different"
+    assert "Both numbers are upper limits" in found.outlook
+    same = landings(400)
+    alike = judge(same.before, same.after, same.instants, seed=1, flips=199)
+    assert "upper limits" not in alike.outlook
+
+
+@pytest.mark.parametrize(("jump", "is_wide"), [(0.34, True), (0.2, False)])
+def test_a_jump_above_the_margin_that_is_not_excluded_is_told(jump, is_wide):
+    sizes = (0.03, 0.0, 0.13, 0.12)
+    said = sentence("no difference", sizes, "two orders", 0.95, 0.2)
+    more = str(with_no_more(said, jump, None, margin=0.2))
+    assert f"larger than {100 * jump:.0f} % of the map" in more
+    assert ("which is more than the 20 % wanted" in more) == is_wide
 
 
 # Arbitrary conventions do not change the answer.

@@ -560,6 +560,8 @@ def _answer(
     if effect.least_allowed < ASKED:
         needed = effect.landings_needed(judged, ASKED, measured.n_feet)
     could_show = outlook(effect, needed, judged, options.power)
+    if conclusion == DIFFERENT:
+        could_show = Message("maps.outlook_found", {"outlook": could_show})
     if contact.saturates:
         code = "maps.outlook_seems_to_fade"
         if conclusion == DIFFERENT and reading.surely_saturates:
@@ -578,7 +580,8 @@ def _answer(
         pair = None
         if measured.n_feet > 2:
             pair = which.largest_high(sizes.orders, which.OF_MAP)
-        said = with_no_more(said, which.largest_high(sizes.orders, which.OF_JUMP), pair)
+        jump = which.largest_high(sizes.orders, which.OF_JUMP)
+        said = with_no_more(said, jump, pair, margin=options.margin)
     if contact.saturates:
         said = without_upper_end(
             said, conclusion, effect.low, surely=reading.surely_saturates

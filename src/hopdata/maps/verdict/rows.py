@@ -57,8 +57,8 @@ UPPER = 0.8
 
 #: A state is far from all others beyond this distance from the median, which no heavy
 #: tail explains.
-#: Unit: the quantile `UPPER` of the distances. Origin: chosen: 20 standard deviations of
-#: normally distributed states.
+#: Unit: the quantile `UPPER` of the distances. Origin: chosen: 20 standard deviations
+#: of normally distributed states.
 FAR_OFF = 16.0
 
 #: Least slack of a landing (one minus its leverage) by which a residual is divided.

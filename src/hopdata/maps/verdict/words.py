@@ -127,7 +127,9 @@ def may_be_larger(high: float, spreads: float) -> Message:
     return Message("maps.may_be_larger", values)
 
 
-def with_no_more(said: Message, jump: float | None, pair: float | None) -> Message:
+def with_no_more(
+    said: Message, jump: float | None, pair: float | None, *, margin: float
+) -> Message:
     """Return the sentence on no difference, with what its bound is of.
 
     Parameters
@@ -138,11 +140,17 @@ def with_no_more(said: Message, jump: float | None, pair: float | None) -> Messa
         Bound that holds for the jump at each exchange; None if it is not known.
     pair
         Bound that holds for each pair of maps; None if there is one pair only.
+    margin
+        Difference that the study is to exclude: a jump that may be larger is told so.
     """
-    values = {}
+    values: dict[str, Any] = {}
     code = "maps.over_landings"
     if jump is not None:
-        values["jump"] = percent(jump)
+        bound = "maps.jump_bound"
+        if jump > margin:
+            bound = "maps.jump_bound_wide"
+        sizes = {"size": percent(jump), "margin": percent(margin)}
+        values["jump"] = Message(bound, sizes)
         code = "maps.over_landings_no_jump"
     if pair is not None:
         values["pair"] = percent(pair)
