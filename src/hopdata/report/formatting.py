@@ -17,6 +17,8 @@ MISSING = "—"
 MINUS = "−"
 NARROW_SPACE = "\u202f"
 NO_BREAK_SPACE = "\u00a0"
+# The largest p-value that is told as it is.
+MOST_P = 0.99
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 #: Texts that readers see in place of names.
@@ -51,6 +53,21 @@ def significant(value: Any, digits: int = 3) -> str:
     mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
     power = str(int(exponent)).translate(RAISED)
     return f"{mantissa.replace('-', MINUS)} × 10{power}"
+
+
+def p_value(value: Any) -> str:
+    """Format a p-value to two digits; one that would be rounded to 1 as above 0.99."""
+    if not is_missing(value) and float(value) > MOST_P:
+        return f">{MOST_P:g}"
+    return significant(value, 2)
+
+
+def told_p_value(value: Any) -> str:
+    """Format a p-value as in a sentence: ``p = 0.03``, or ``p >0.99``."""
+    text = p_value(value)
+    if text.startswith(">"):
+        return f"p {text}"
+    return f"p = {text}"
 
 
 def fixed(value: Any, decimals: int) -> str:

@@ -28,7 +28,7 @@ OF_CONDITION: show.Columns = {
     "to (%)": show.decimals("high", 1, 100.0),
     "at most (%)": show.decimals("upper_bound", 1, 100.0),
     "I² (%)": show.decimals("i2", 0, 100.0),
-    "p of Q": lambda row: show.significant(row["q_p_value"], 2),
+    "p of Q": lambda row: show.p_value(row["q_p_value"]),
 }
 CONDITIONS: show.Columns = {
     "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
@@ -38,8 +38,8 @@ CONDITIONS: show.Columns = {
     "difference of squares": show.decimals("difference", 3),
     "from": show.decimals("low", 3),
     "to": show.decimals("high", 3),
-    "p": lambda row: show.significant(row["p_value"], 2),
-    "p after Holm": lambda row: show.significant(row["p_holm"], 2),
+    "p": lambda row: show.p_value(row["p_value"]),
+    "p after Holm": lambda row: show.p_value(row["p_holm"]),
 }
 
 
@@ -142,14 +142,14 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
         return [*_of_each(group), studies]
     model = effect["combined"]
     q = show.significant(model["q"])
-    p = show.significant(model["q_p_value"], 2)
+    p = show.told_p_value(model["q_p_value"])
     return [
         *_sizes(group, group["confidence"], "Difference over subjects"),
         studies,
         (
             "Between subjects (I²)",
             percent(model["i2"]),
-            f"Q = {q}, p = {p}; what smooth terms leave counts, too",
+            f"Q = {q}, {p}; what smooth terms leave counts, too",
         ),
     ]
 

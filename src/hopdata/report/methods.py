@@ -17,7 +17,7 @@ from hopdata.messages import Message
 from hopdata.report.formatting import records, significant
 from hopdata.report.inputs import ReportInputs, count_feet, joined_feet
 from hopdata.report.tables import NO_FOOT_LANDED, excluded
-from hopdata.report.verdict import step_like_jump
+from hopdata.report.verdict import measured, step_like_jump
 
 BIBTEX = Path(__file__).with_name("references.bib")
 # Packages whose versions a paper states.
@@ -43,6 +43,14 @@ ITSELF = "hopdata"
 PAIRS_OF_FEET = "maps.pairs_of_feet"
 # What the interval of a difference leaves open, if saturation is not found.
 MAY_BE_LARGER = "maps.may_be_larger"
+
+# A note that successive landings err alike.
+ERR_ALIKE = "maps.err_alike"
+# A size -> what a smooth map may leave of it.
+ALLOWED_OF = {
+    "effect": "report.methods_allowed_of_bends",
+    "jump": "report.methods_allowed_of_jumps",
+}
 
 # How each is cited in the text, by its key among the references.
 CITED = {
@@ -416,9 +424,8 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         "fitted": fitted,
         **CITED,
     }
-    said = [Message("report.methods_map", values)]
+    said = [Message("report.methods_map", values), _assumed(verdict)]
     if effect is not None and not jump_decides:
-        values["allowed"] = f"{100 * effect.get('allowed', 0.0):.0f} %"
         pair = "report.methods_two_orders"
         mean = "report.methods_over_orders"
         what = verdict.get("messages", {}).get("compared") or {}
@@ -428,13 +435,62 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         values["pair"] = Message(pair)
         values["mean"] = Message(mean)
         said.append(Message("report.methods_size", values))
-        said += _of_contact(verdict)
     if verdict.get("jump"):
-        said.append(Message("report.methods_jump", values))
-        like_jump = step_like_jump(verdict)
-        if like_jump is not None:
-            said.append(like_jump)
+        said += _of_jump(verdict)
+    said += _of_ends(verdict)
+    if effect is not None and not jump_decides:
+        said += _of_contact(verdict)
+    answer = "report.methods_answer"
+    if verdict.get("jump"):
+        answer = "report.methods_answer_or_jump"
+    said.append(Message(answer, values))
+    said.append(Message("report.methods_measured", {"measured": measured()}))
     return said
+
+
+def _assumed(verdict: Mapping[str, Any]) -> Message:
+    """Say what the random signs assume of the errors of landings."""
+    for note in verdict.get("notes", ()):
+        if note.get("code") == ERR_ALIKE:
+            return Message("report.methods_assumed_alike", note["values"])
+    return Message("report.methods_assumed")
+
+
+def _of_jump(verdict: Mapping[str, Any]) -> list[Message]:
+    """Say what the size of a jump is, and how its test and that of bends share."""
+    said = [Message("report.methods_jump")]
+    levels = verdict.get("levels") or {}
+    if {"effect", "jump"} <= {*levels}:
+        values = {
+            "of_bends": _per_cent(levels["effect"]),
+            "of_jumps": _per_cent(levels["jump"]),
+            "level": _per_cent(1.0 - verdict["confidence"]),
+        }
+        said.append(Message("report.methods_levels", values))
+    like_jump = step_like_jump(verdict)
+    if like_jump is not None:
+        said.append(like_jump)
+    return said
+
+
+def _of_ends(verdict: Mapping[str, Any]) -> list[Message]:
+    """Say how the ends of an interval allow for what a smooth map may leave."""
+    left = []
+    for name, of_what in ALLOWED_OF.items():
+        allowed = (verdict.get(name) or {}).get("allowed")
+        if allowed is not None:
+            values = {"size": f"{allowed:.2g}"}
+            left.append(Message(of_what, values))
+    if not left:
+        return []
+    each: Message = left[0]
+    if len(left) > 1:
+        each = Message("report.pair", {"first": left[0], "second": left[1]})
+    return [Message("report.methods_ends", {"each": each})]
+
+
+def _per_cent(share: float) -> str:
+    return f"{significant(100 * share, 2)} %"
 
 
 def _of_contact(verdict: Mapping[str, Any]) -> list[Message]:

@@ -6,12 +6,18 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.feet import with_foot_names
 from hopdata.messages import Message, in_per_cent
 from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
+
+#: How often verdicts err, as measured, in the documentation of this version.
+CAMPAIGN = (
+    f"https://github.com/hopdata/hopdata/blob/v{__version__}/docs/verdict_campaign.md"
+)
 
 # Of what the deciding size is a share.
 OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}
@@ -82,7 +88,38 @@ def reach(verdict: Verdict | None) -> list[Message]:
         values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
     said += _not_saturating(verdict or {}, facts)
+    said += _jump_seen(verdict or {}, facts)
     return said
+
+
+def measured() -> Message:
+    """Return how often verdicts on simulated bodies err."""
+    return Message("report.measured")
+
+
+def _jump_seen(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]:
+    """Say what jump would be found, and how large one at a single exchange has to be.
+
+    The size of jumps is an rms over all exchanges. If a jump decides, the outlook has
+    that one already.
+    """
+    jump = verdict.get("jump") or {}
+    exchanges = sum(row["of"] == "jump" for row in verdict.get("orders") or [])
+    if not exchanges or not 0.0 < jump.get("detectable", 0.0) <= 1.0:
+        return []
+    values = {
+        "detectable": percent(jump["detectable"]),
+        "exchanges": exchanges,
+        "power": facts["power"],
+        "alone": percent(math.sqrt(exchanges) * jump["detectable"]),
+    }
+    if exchanges == 1:
+        if facts["jumps"]:
+            return []
+        return [Message("report.jump_seen_of_one", values)]
+    if facts["jumps"]:
+        return [Message("report.jump_alone", values)]
+    return [Message("report.jump_seen", values)]
 
 
 def _not_saturating(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]:
@@ -469,7 +506,7 @@ def orders_table(
         "size (%)": show.decimals("estimate", 1, 100.0),
         "from (%)": show.decimals("low", 1, 100.0),
         "to (%)": show.decimals("high", 1, 100.0),
-        "p": lambda row: show.significant(row["p_value"], 2),
+        "p": lambda row: show.p_value(row["p_value"]),
     }
     return show.table_of(
         "Which contact orders differ",
