@@ -254,7 +254,7 @@ def _of_posture(fit: KinkFit, landings: SectionLandings, size: _Detectable) -> L
 def _of_spread(fit: KinkFit, landings: SectionLandings) -> Limit:
     sharp = fit.allowed / fit.faded - landings.bent
     costs = max(0.0, sharp - LEFT) * fit.faded
-    values = {"allowed": percent(sharp), "usual": percent(LEFT)}
+    values = {"allowed": percent(fit.allowed), "usual": percent(LEFT)}
     # What smooth terms leave grows as the cube of the contacts' spread.
     factor = (LEFT / sharp) ** (1.0 / 3.0) if sharp > 0.0 else 1.0
     values["factor"] = percent(min(1.0, factor))
