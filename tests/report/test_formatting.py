@@ -9,9 +9,11 @@ from hopdata.report.formatting import (
     count,
     fixed,
     labelled,
+    p_value,
     percent,
     plain,
     significant,
+    told_p_value,
     with_unit,
     words,
 )
@@ -104,3 +106,13 @@ def test_the_style_knows_every_kind_that_it_must_treat_apart():
     )  # figures stay white in dark mode
     for kind in (".prose", ".number", ".unit"):
         assert kind in style
+
+
+def test_a_p_value_is_never_told_as_one():
+    """No number of random signs shows that a p-value is exactly 1."""
+    assert p_value(1.0) == p_value(0.996) == ">0.99"
+    assert p_value(0.99) == "0.99"
+    assert p_value(0.0005) == "0.0005"
+    assert p_value(None) == "—"
+    assert told_p_value(1.0) == "p >0.99"
+    assert told_p_value(0.031) == "p = 0.031"

@@ -4,15 +4,19 @@ import re
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
 import hopdata
 from hopdata.config.loading import load_config
+from hopdata.maps.verdict.model import WINDOW, one_landing, upper_ends
+from hopdata.maps.verdict.window import WIDER
 from hopdata.messages import Message
 from hopdata.report.methods import CITED, methods
 from hopdata.report.page import build_report, study_facts
 from hopdata.report.tables import NO_FOOT_LANDED
+from hopdata.report.verdict import measured
 
 # References of packages, which are cited where their versions are stated.
 PACKAGES = {"numpy", "scipy", "numba", "snakemake"}
@@ -248,3 +252,80 @@ def test_the_paragraph_tells_of_the_force_plate_where_there_was_one():
     assert f"onsets of force: {told}, 42 contacts; Force plate 1)." in text
     assert "pressed;" not in text
     assert "onsets of force" not in of(full_study()).text
+
+
+def with_jump():
+    """Return a verdict with a jump of three exchanges, and what it allows for."""
+    effect = verdict()["effect"] | {"allowed": 0.1015}
+    return verdict(
+        effect=effect,
+        jump=effect | {"allowed": 0.0551, "detectable": 0.09},
+        levels={"effect": 0.04075, "jump": 0.0101875},
+    )
+
+
+def test_it_says_what_was_assumed_of_the_errors_of_landings():
+    text = of(full_study()).text
+    assert "the errors of landings are independent, given the states before" in text
+    note = {"code": "maps.err_alike", "values": {"in_a_row": 40}}
+    note |= {"what": "landings are not independent", "reason": ""}
+    alike = of(full_study(verdict=verdict(notes=[note]))).text
+    assert "40 in a row have one sign" in alike
+    assert "the errors of landings are independent" not in alike
+
+
+def test_it_says_the_rule_of_the_answer_and_what_the_margin_decides():
+    text = of(full_study()).text
+    assert "began above zero, however small the difference" in text
+    assert "its one-sided 95 % bound was at most 20 %" in text
+    assert "jumps have no such margin" not in text
+    assert "jumps have no such margin" in of(full_study(verdict=with_jump())).text
+    assert "began above zero" not in of(full_study(verdict=no_answer())).text
+
+
+def test_it_says_how_what_smooth_maps_leave_enters_the_interval():
+    text = of(full_study(verdict=with_jump())).text
+    assert "may leave (0.102 for bends and 0.0551 for jumps): with d = 2(a/4)" in text
+    alone = of(full_study(verdict=with_jump() | {"jump": None})).text
+    assert "may leave (0.102 for bends): with" in alone
+    assert "for jumps" not in alone
+    assert "e + ((a/2)² + (de)²)^(1/2) above" in alone
+    only_jump = with_jump() | {"decided_by": "jump", "effect": None}
+    assert (
+        "may leave (0.0551 for jumps): with" in of(full_study(verdict=only_jump)).text
+    )
+    assert "may leave (" not in of(full_study()).text, "it is not known"
+
+
+def test_the_formula_of_the_paragraph_is_that_of_the_verdict():
+    allowed, end = 0.1015, 0.31
+    deviation = 2.0 * (allowed / 4.0) ** (2.0 / 3.0)
+    assert deviation == pytest.approx(one_landing(allowed), rel=1e-12)
+    above = end + ((allowed / 2.0) ** 2 + (deviation * end) ** 2) ** 0.5
+    assert upper_ends([end], allowed)[0] == pytest.approx(above, rel=1e-12)
+
+
+def test_it_says_how_bends_and_jumps_share_the_level():
+    text = of(full_study(verdict=with_jump())).text
+    assert "at the levels 4.1 % and 1 %; one or both err in 5 % of studies" in text
+    assert "at the levels" not in of(full_study()).text
+    earlier = with_jump() | {"levels": {}}
+    assert "at the levels" not in of(full_study(verdict=earlier)).text
+
+
+def test_it_says_what_was_chosen_from_the_data_and_taken_off_an_estimate():
+    text = of(full_study()).text
+    *shares, last = (f"{100 * share:g}" for share in (WINDOW, *WIDER))
+    assert f"of {', '.join(shares)} and {last} %, was chosen from the data" in text
+    assert "what noise adds on average was subtracted" in (
+        of(full_study(verdict=with_jump())).text
+    )
+
+
+def test_it_says_how_often_verdicts_err_as_measured():
+    text = of(full_study()).text
+    assert str(measured()) in text
+    page = Page(build_report(full_study())).text
+    assert page.index("How often does it err? On simulated bodies") > 0
+    without = Page(build_report(full_study(verdict=no_answer()))).text
+    assert "How often does it err" not in without

@@ -411,3 +411,65 @@ def test_what_an_interval_leaves_open_is_told_in_milliseconds():
     assert (
         "more than 175 % if it is spent once contacts are some 6.5\u00a0ms" in told[1]
     )
+
+
+def exchanges_of(number):
+    """Return a verdict of this many exchanges, of which a jump of 9 % is found."""
+    feet = [f"{foot}>{foot + 1}" for foot in range(1, number + 1)]
+    sizes = {"estimate": 0.01, "low": 0.0, "high": 0.06, "p_value": 1.0}
+    jumps = [{"of": "jump", "first": one, "second": one[::-1], **sizes} for one in feet]
+    pair = {"of": "map", "first": "1>2", "second": "2>1", **sizes}
+    return verdict(
+        orders=[pair, *jumps], jump=verdict()["effect"] | {"detectable": 0.09}
+    )
+
+
+def said_of(known):
+    return " ".join(str(one) for one in reach(known)).replace("\u00a0", " ")
+
+
+def test_what_single_jump_would_be_found_is_said():
+    """The size of jumps is an rms over N exchanges: one alone shows as 1/N^(1/2)."""
+    assert "A jump of 9 % (rms over 4 exchanges) would be found in 80 % of such" in (
+        said_of(exchanges_of(4))
+    )
+    assert said_of(exchanges_of(4)).endswith("that jump has to be about 18 %.")
+    one = said_of(exchanges_of(1))
+    assert "a jump of 9 % would be found in 80 %" in one
+    assert "rms over" not in one
+
+
+def test_beside_an_outlook_on_jumps_only_the_single_one_is_said():
+    decides = {"decided_by": "jump", "conclusion": "different"}
+    said = said_of(exchanges_of(4) | decides)
+    assert said.startswith("The jump that would be found is an rms over 4 exchanges")
+    assert "about 18 %" in said
+    assert "jump" not in said_of(exchanges_of(1) | decides)
+
+
+def test_without_exchanges_or_hope_no_jump_is_said():
+    assert "jump" not in said_of(exchanges_of(0))
+    assert "jump" not in said_of(exchanges_of(4) | {"jump": None})
+    hopeless = {"jump": verdict()["effect"] | {"detectable": 1.4}}
+    assert "jump" not in said_of(exchanges_of(4) | hopeless)
+
+
+def test_a_p_value_of_one_is_told_as_above_099():
+    shown = orders_table(exchanges_of(1))
+    assert shown.rows[0][-1] == ">0.99"
+    assert "of a size at most as large as a smooth map may leave" in shown.note.text()
+
+
+def test_a_jump_is_said_of_the_outcome_only():
+    assert "step of the derivative" in str(meaning(verdict()))
+    assert "jump" not in str(meaning(verdict()))
+    assert "jump of the map's derivative" not in build_report(full_study())
+
+
+def test_single_orders_are_a_family_of_their_own():
+    order = {"of": "order", "first": "1>2>3", "second": "others", "estimate": 0.01}
+    order |= {"low": 0.0, "high": 0.1, "p_value": 0.4}
+    known = exchanges_of(3)
+    with_orders = verdict(orders=[*known["orders"], order])
+    assert "as a family of their own" in orders_table(with_orders).note.text()
+    assert "family" not in orders_table(known).note.text()

@@ -444,7 +444,7 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
     if verdict.get("jump"):
         answer = "report.methods_answer_or_jump"
     said.append(Message(answer, values))
-    said.append(Message("report.methods_measured", {"measured": measured()}))
+    said.append(measured())
     return said
 
 
@@ -479,7 +479,7 @@ def _of_ends(verdict: Mapping[str, Any]) -> list[Message]:
     for name, of_what in ALLOWED_OF.items():
         allowed = (verdict.get(name) or {}).get("allowed")
         if allowed is not None:
-            values = {"size": f"{allowed:.2g}"}
+            values = {"size": f"{allowed:.3g}"}
             left.append(Message(of_what, values))
     if not left:
         return []

@@ -344,7 +344,6 @@ def build_report(inputs: ReportInputs) -> str:
         verdict_meaning=verdict.meaning(inputs.verdict),
         verdict_reach=verdict.reach(inputs.verdict),
         measured=verdict.measured(),
-        campaign=verdict.CAMPAIGN,
         methods=methods(inputs, facts),
         limits=what_now.limits(inputs.verdict, excluded=facts["n_excluded"]),
         headline=what_now.decisive(inputs.verdict),

@@ -6,18 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.feet import with_foot_names
 from hopdata.messages import Message, in_per_cent
 from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
-
-#: How often verdicts err, as measured, in the documentation of this version.
-CAMPAIGN = (
-    f"https://github.com/hopdata/hopdata/blob/v{__version__}/docs/verdict_campaign.md"
-)
 
 # Of what the deciding size is a share.
 OF_WHAT = {"effect": "report.of_the_map", "jump": "report.of_the_outcome"}

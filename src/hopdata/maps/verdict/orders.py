@@ -77,10 +77,12 @@ class PairEffect:
         ``"1>2, 4>3"`` and ``"2>1, 3>4"`` if they exchange their order together; if an
         order is compared with all others, the second is ``"others"``.
     estimate, low, high
-        Size and interval as those of the study, `EffectSize`; all intervals hold
-        together. `low` is above zero if the two differ.
+        Size and interval as those of the study, `EffectSize`. The intervals of all
+        pairs, of maps and of jumps, hold together; so do, apart from these, those of
+        all orders that are compared with all others. `low` is above zero if the two
+        differ.
     p_value
-        Adjusted for the number of pairs.
+        Of a size of at most `allowed`, adjusted for all that hold together.
     n_first, n_second
         Number of landings of either; of pairs that exchange their order together, those
         that agree.
