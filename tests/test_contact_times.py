@@ -187,6 +187,26 @@ def test_several_recordings_are_told_apart():
     assert list(found.orders["recording"]).count("jump") == 1
 
 
+def test_lags_are_those_of_all_recordings_or_of_some():
+    begin = np.array([0.7, 1.9, 3.1])
+    later = {"near": 0.03, "far": 0.05}
+    several = [
+        replace(walking({"left": begin, "right": begin + late}, bob_m=0.02), name=name)
+        for name, late in later.items()
+    ]
+    found = contacts(several)
+    for name, late in later.items():
+        (lag,) = found.lags(name).to_dict("records")
+        assert (lag["foot"], lag["other"], lag["landings"]) == ("left", "right", 3)
+        assert lag["mean_s"] == pytest.approx(-late, abs=0.002)
+        assert lag["low_s"] < lag["mean_s"] < lag["high_s"]
+    assert found.lags().loc[0, "landings"] == 6
+    assert found.lags().equals(found.lags(["near", "far"]))
+    with pytest.raises(ArgumentError, match="near, far, found 'another'"):
+        found.lags("another")
+    assert contacts(walking(alternating())).lags().empty, "one foot after the other"
+
+
 def test_events_are_the_contacts_that_can_be_trusted():
     found = contacts(walking(alternating()))
     events = found.events("walk")

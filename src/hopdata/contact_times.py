@@ -25,6 +25,7 @@ from hopdata.errors import (
     told_options,
 )
 from hopdata.landings.contact_feet import Feet, named_feet, with_feet
+from hopdata.landings.contact_lags import lag_table
 from hopdata.landings.contact_rows import (
     COLUMNS,
     MOST_NAMED,
@@ -141,6 +142,52 @@ class ContactTimes(Shown):
     def median_se_s(self) -> float:
         """Return the median standard error of these, s; NaN without any."""
         return float(self.found["se_s"].median())
+
+    def lags(self, recordings: str | Sequence[str] | None = None) -> pd.DataFrame:
+        """Return how long each foot touches before each other foot, over all landings.
+
+        Parameters
+        ----------
+        recordings : str or sequence of str, optional
+            Names of the recordings whose landings count, such as those of a condition;
+            by default all.
+
+        Returns
+        -------
+        DataFrame
+            A row for each two feet that were timed in one landing or more. A lag is the
+            contact of ``foot`` less that of ``other``, s: negative where ``foot``
+            touches first. Columns: ``foot, other, landings`` (those of both feet),
+            ``mean_s`` with ``se_s`` (standard error by the scatter over landings),
+            ``common_s`` (error by what all contacts of each foot share: the root of the
+            sum of squares of both feet, an upper limit where they err alike),
+            ``low_s`` and ``high_s`` (95 % interval of the mean, with both errors),
+            ``median_abs_s`` (median without sign) and ``sd_s`` (standard deviation).
+            Of one landing ``se_s``, the interval and ``sd_s`` are NaN. Details:
+            `hopdata.landings.contact_lags.lag_table`.
+
+        Raises
+        ------
+        ArgumentError
+            If none of the recordings has one of these names.
+
+        Examples
+        --------
+        >>> import hopdata as hd
+        >>> recording, _ = hd.synthesize("quadruped", simulation={"hops": 5}, seed=1)
+        >>> len(hd.contacts(recording).lags())  # two of four feet
+        6
+        """
+        if recordings is None:
+            return lag_table(self.table, self.feet)
+        names = [recordings] if isinstance(recordings, str) else [*recordings]
+        known = [one.name for one in self.recordings]
+        for name in names:
+            if name not in known:
+                wanted = f"names among {', '.join(known)}"
+                raise ArgumentError.at("recordings", wanted, repr(name))
+        own = self.table[self.table["recording"].isin(names)]
+        return lag_table(own, self.feet)
 
     def events(self, recording: str | None = None) -> list[ContactEvent]:
         """Return the contacts of a recording as events, in order of time.

@@ -67,6 +67,18 @@ def test_exchanged_markers_are_told_of(tmp_path, monkeypatch, capsys):
     assert re.search(r"swap.* See 'hopdata inspect'", capsys.readouterr().out)
 
 
+def test_an_unnamed_limb_that_rests_is_told_of_and_what_it_does(recording, capsys):
+    text = recording.read_text("utf-8")
+    recording.write_text(text.replace("toe3", "wrist"), "utf-8")
+    told = "wrist come to rest on the floor as often and as low as the feet"
+    assert main(["contacts", str(recording)]) == 0
+    out = capsys.readouterr().out
+    assert told in out
+    assert "the foot's instant errs by more than is stated" in out
+    assert main(["contacts", str(recording), "--feet", "toe1", "toe2", "wrist"]) == 0
+    assert told not in capsys.readouterr().out
+
+
 def test_one_named_foot_is_enough(recording, capsys):
     assert main(["contacts", str(recording), "--feet", "toe2"]) == 0
     out = capsys.readouterr().out
@@ -83,14 +95,17 @@ def test_one_named_foot_is_enough(recording, capsys):
 
 def test_the_table_has_the_same_columns_for_one_foot_and_for_several(recording, capsys):
     columns = []
-    for feet in (["toe2"], ["toe1", "toe2"]):
-        assert main(["contacts", str(recording), "-o", "a.csv", "--feet", *feet]) == 0
+    for feet in (["toe1", "toe2"], ["toe2"]):  # the second call tidies up
+        given = ["--feet", *feet, "--force"]
+        assert main(["contacts", str(recording), "-o", "a.csv", *given]) == 0
         columns.append([*pd.read_csv("a.csv")])
         out = capsys.readouterr().out
         has_orders = "probability" in out
         assert has_orders == (len(feet) > 1)
         assert ("orders: none" in out) == (not has_orders)
         assert Path("a_orders.csv").exists() == has_orders
+        assert Path("a_lags.csv").exists() == has_orders
+        assert ("toe1 minus toe2" in out) == has_orders
         Path("a.csv").unlink()
     assert columns[0] == columns[1]
 
@@ -124,7 +139,12 @@ def test_files_are_written_before_anything_is_printed(recording, monkeypatch):
     monkeypatch.setattr("hopdata.commands.contacts.show", show)
     given = ["contacts", str(recording), "--out", "c.csv", "--events", "csv"]
     assert main(given) == 0
-    assert {"c.csv", "c_orders.csv", f"{recording.stem}_contacts.csv"} <= {*there}
+    assert {
+        "c.csv",
+        "c_orders.csv",
+        "c_lags.csv",
+        f"{recording.stem}_contacts.csv",
+    } <= {*there}
 
 
 def test_tables_and_page_are_written(recording, tmp_path, capsys):
@@ -135,11 +155,16 @@ def test_tables_and_page_are_written(recording, tmp_path, capsys):
     table = pd.read_csv(out)
     orders = pd.read_csv(tmp_path / "new" / "contacts_orders.csv")
     assert len(orders) == 8
+    lags = pd.read_csv(tmp_path / "new" / "contacts_lags.csv")
+    assert len(lags) == 3, "two of three toes"
+    assert (lags["low_s"] < lags["mean_s"]).all()
     assert (table["landing"].value_counts() <= 3).all()
     text = page.read_text("utf-8")
     # The page's script has the type as well, but no data in base 64.
     assert text.count("data:image/svg+xml;base64,") == 2
     assert "Each landing" in text
+    assert "Lags of the feet" in text
+    assert "toe1 minus toe2" in text
     assert "after plate" not in text  # the file has none
     assert "://" not in re.sub(r"https?://www\.w3\.org", "", text)
     # What is there is not replaced, and the recording never.
@@ -250,6 +275,7 @@ def test_a_study_that_stopped_for_want_of_landings_gets_its_contacts(tmp_path, c
     assert "maps need at least 3 landings: record more" in told
     assert "set sections" not in told
     assert len(pd.read_csv(folder / "tables" / "contacts_orders.csv")) == 2
+    assert len(pd.read_csv(folder / "tables" / "contacts_lags.csv")) == 1
     assert "too few landings" in (folder / "contacts.html").read_text("utf-8")
 
 

@@ -17,7 +17,15 @@ from hopdata.messages import Message
 
 PAGE = Path(__file__).parents[2] / "docs" / "json.md"
 #: Fields whose content is described elsewhere, or is named by what it holds.
-OPAQUE = ("contacts[]", "orders[]", "message", "seen_share", "machine", "effect")
+OPAQUE = (
+    "contacts[]",
+    "orders[]",
+    "lags[]",
+    "message",
+    "seen_share",
+    "machine",
+    "effect",
+)
 OPAQUE += ("quality", "planned", "reason", "error", "packages[]")
 
 

@@ -59,6 +59,9 @@ FORMATS = {
     "opensim": "_contacts.sto",
 }
 
+# Tables of landings of two feet or more, in files beside that of the contacts.
+BESIDE = ("orders", "lags")
+
 # Joins the name of a foot and its markers in --feet.
 NAME_IS = "="
 
@@ -524,6 +527,7 @@ def show(
     answers.give(
         contacts=found.table.to_dict("records"),
         orders=found.orders.astype({"sure": object}).to_dict("records"),
+        lags=found.lags().to_dict("records"),
     )
     several = found.orders["recording"].nunique() > 1
     has_orders = bool((found.orders["feet"] > 1).any())
@@ -544,10 +548,27 @@ def show(
     n_more = len(found.orders) - len(rows)
     if n_more > 0:
         print(str(Message("commands.more_landings", {"more": n_more})))
+    _show_lags(found)
     of_contacts = [in_shell(one) for one in one_for_all_feet(found.messages)]
     told = [*map(str, of_contacts), *notes]
     for note in without_places(told, places):
         terminal.note(note)
+
+
+def _show_lags(found: ContactTimes) -> None:
+    """Print how long each foot touches before each other; nothing without two feet."""
+    from hopdata.commands.contacts_page import LAG_HEAD, lag_cells
+
+    cells = lag_cells(found)
+    rows = cells[:MOST_LISTED]
+    if not rows:
+        return
+    columns: dict[str, terminal.Side] = dict.fromkeys(LAG_HEAD, "right")
+    columns[LAG_HEAD[0]] = "left"
+    terminal.print_table(columns, rows, plain=_plain([LAG_HEAD, *rows]))
+    n_more = len(cells) - len(rows)
+    if n_more:
+        print(str(Message("commands.more_lags", {"more": n_more})))
 
 
 def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:
@@ -604,7 +625,8 @@ def _require_apart(options: argparse.Namespace) -> None:
     sources = [options.file, *options.more]
     written = [options.html]
     if options.out is not None:
-        written += [options.out, _orders_beside(options.out)]
+        written.append(options.out)
+        written += [_beside(options.out, kind) for kind in BESIDE]
     for path in written:
         if path is not None:
             require_new(path, sources, replace=options.force)
@@ -643,9 +665,9 @@ def _event_files(kind: str, trial: Trial, options: argparse.Namespace) -> list[P
     return [folder / f"{stem}{FORMATS[kind]}"]
 
 
-def _orders_beside(out: Path) -> Path:
-    """Return the file of the orders beside that of the contacts."""
-    return out.with_name(f"{out.stem}_orders{out.suffix}")
+def _beside(out: Path, kind: str) -> Path:
+    """Return the file of the orders or lags beside that of the contacts."""
+    return out.with_name(f"{out.stem}_{kind}{out.suffix}")
 
 
 def _write(
@@ -668,24 +690,25 @@ def _write(
 
 
 def _write_tables(file: Path, found: ContactTimes) -> list[str]:
-    """Write the table of contacts, and that of orders beside it; say where they are.
+    """Write the contacts, and orders and lags beside them; say where they are.
 
-    Where no two feet land together, as in a run, there are no orders and no file. One
-    of an earlier call, which may be replaced, is deleted.
+    Where no two feet land together, as in a run, there are neither orders nor lags, and
+    no files. Those of an earlier call, which may be replaced, are deleted.
     """
     tables = {"table": (file, found.table)}
-    of_orders = _orders_beside(file)
     has_orders = bool((found.orders["feet"] > 1).any())
     if has_orders:
-        tables["orders"] = (of_orders, found.orders)
+        tables["orders"] = (_beside(file, "orders"), found.orders)
+        tables["lags"] = (_beside(file, "lags"), found.lags())
     lines = []
     for kind, (path, table) in tables.items():
         text = table.to_csv(index=False, float_format="%.7g")
         terminal.write_text(path, text)
         lines.append(f"{kind}: {path}")
     if not has_orders:
-        of_orders.unlink(missing_ok=True)
-        lines.append("orders: none, since each landing is of one foot")
+        for kind in BESIDE:
+            _beside(file, kind).unlink(missing_ok=True)
+            lines.append(f"{kind}: none, since each landing is of one foot")
     return lines
 
 

@@ -96,7 +96,11 @@ def write_few(config: Mapping[str, Any], folder: Path) -> bool:
         return False
     show_few(found, reason)
     told = _told(found, reason)
-    for name, table in (("contacts", found.table), ("contacts_orders", found.orders)):
+    tables = {"contacts": found.table, "contacts_orders": found.orders}
+    lags = found.lags()
+    if len(lags):
+        tables["contacts_lags"] = lags
+    for name, table in tables.items():
         path = folder / "tables" / f"{name}.csv"
         terminal.write_text(path, table.to_csv(index=False, float_format="%.7g"))
         print(path)

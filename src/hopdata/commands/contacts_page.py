@@ -24,6 +24,16 @@ if TYPE_CHECKING:
 MOST_SHOWN = 96
 IN_A_PICTURE = 24
 
+# Columns of the lags of the feet, and those of `ContactTimes.lags` from the third on.
+LAG_HEAD = (
+    *("lag", "landings", "mean (ms)", "from (ms)", "to (ms)"),
+    *("standard error (ms)", "common error (ms)", "median |lag| (ms)", "sd (ms)"),
+)
+LAG_COLUMNS = (
+    *("mean_s", "low_s", "high_s"),
+    *("se_s", "common_s", "median_abs_s", "sd_s"),
+)
+
 # Contacts in the table of the page.
 MOST_ROWS = 400
 
@@ -70,7 +80,11 @@ def contacts_html(
         pictures=_pictures(found, shown),
         tables=[
             table
-            for table in (_order_table(found), _contact_table(found))
+            for table in (
+                _lag_table(found),
+                _order_table(found),
+                _contact_table(found),
+            )
             if table.rows
         ],
     )
@@ -183,6 +197,22 @@ def _picture(name: str, figure: Figure, caption: str) -> Any:
         figure.savefig(buffer, format="svg", metadata=dict(FORMATS["svg"]))
     drawn = ReportFigure(name, buffer.getvalue(), "image/svg+xml", caption)
     return picture_of(drawn, {})
+
+
+def lag_cells(found: ContactTimes) -> list[tuple[str, ...]]:
+    """Return the cells of a row for each two feet that land together, as `LAG_HEAD`."""
+    rows = []
+    for lag in found.lags().to_dict("records"):
+        name = f"{lag['foot']} minus {lag['other']}"
+        numbers = [_number(1e3 * lag[column], 2) for column in LAG_COLUMNS]
+        rows.append((name, f"{lag['landings']}", *numbers))
+    return rows
+
+
+def _lag_table(found: ContactTimes) -> Table:
+    """Return how long each foot touches before each other."""
+    note = str(Message("commands.lags_note"))
+    return Table("Lags of the feet", LAG_HEAD, tuple(lag_cells(found)), note=note)
 
 
 def _order_table(found: ContactTimes) -> Table:
