@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import vendor_files
 import written_files as c3d_writing
 from external_blocks import block, columns
 from written_files import from_floats, from_whole, parameter_bytes, write_c3d
@@ -231,6 +232,59 @@ def test_a_full_16_bit_count_is_replaced_by_the_size_and_said(tmp_path):
         n, remarks = counted(path, 182_611, last=last)
         assert n == 182_611
         assert "counted from the size" in remarks[-1]
+
+
+def long_and_only_counted_in_16_bits(path, n_frames, *, n_points=12, unseen=0, extra=0):
+    """Write frames beyond 16 bits, the last ones unseen, and blocks of zeros behind them."""
+    positions = np.full((n_frames, n_points, 3), 7.0)
+    if unseen:
+        positions[-unseen:] = np.nan
+    names = [f"marker {i + 1}" for i in range(n_points)]
+    no_more_counts = {"ACTUAL_START_FIELD": None, "ACTUAL_END_FIELD": None}
+    data = vendor_files.c3d(positions, names, groups={"TRIAL": no_more_counts})
+    path.write_bytes(data + bytes(extra * BLOCK))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("n_frames", "extra"),
+    [
+        (65_600, 0),  # 192 bytes each end with a block
+        (65_600, 1),  # a further block, as some writers add
+        (65_601, 0),  # 320 bytes are left in the last block: room for one more frame
+    ],
+)
+def test_zeros_behind_the_last_frame_are_no_frames(tmp_path, n_frames, extra):
+    path = long_and_only_counted_in_16_bits(tmp_path / "a.c3d", n_frames, extra=extra)
+    again = read_c3d(path)
+    assert len(again.time) == n_frames
+    assert np.isfinite(again.positions).all()
+    assert f"{n_frames} frames counted from the size" in again.remarks[-1]
+    n_filling = -n_frames * 192 % BLOCK + extra * BLOCK
+    told = f"the {n_filling} bytes of 0 after them fill up a block"
+    assert (told in again.remarks[-1]) == (n_filling > 0)
+
+
+@pytest.mark.parametrize("unseen", [1, 2])
+def test_unseen_frames_at_the_end_are_frames(tmp_path, unseen):
+    """Their residual is -1, so that they are no zeros."""
+    n_frames = 65_601
+    path = long_and_only_counted_in_16_bits(tmp_path / "a.c3d", n_frames, unseen=unseen)
+    again = read_c3d(path)
+    assert len(again.time) == n_frames
+    assert np.isnan(again.positions[-unseen:]).all()
+    assert np.isfinite(again.positions[:-unseen]).all()
+
+
+def test_another_library_fills_up_a_long_file_with_zeros(tmp_path):
+    ezc3d = pytest.importorskip("ezc3d")
+    theirs = ezc3d.c3d()
+    theirs["parameters"]["POINT"]["RATE"]["value"] = [250.0]
+    theirs["parameters"]["POINT"]["LABELS"]["value"] = [f"m{i}" for i in range(12)]
+    theirs["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+    theirs["data"]["points"] = np.full((4, 12, 65_600), 3.0)
+    theirs.write(str(tmp_path / "b.c3d"))
+    assert len(read_c3d(tmp_path / "b.c3d").time) == 65_600
 
 
 def test_a_block_more_than_the_frames_fill_is_no_contradiction(tmp_path):

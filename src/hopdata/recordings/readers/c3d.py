@@ -89,7 +89,10 @@ def _points(
     path: Path, header: C3dHeader, parameters: Parameters, available: int
 ) -> tuple[Named, FloatArray, tuple[raw.Remark, ...]]:
     """Return names of the markers with remarks, positions (N, M, 3), and remarks."""
-    n_frames, of_frames = head.count_frames(header, parameters, available)
+    n_zeros = head.zeros_at_end(path, header.data_start + available)
+    n_frames, of_frames = head.count_frames(
+        header, parameters, available, n_zeros=n_zeros
+    )
     markers, kept, of_markers = _markers(parameters, header.n_points)
     numbers = _numbers(path, header, parameters, n_frames)
     positions, doubted = _positions(path, header, numbers, kept)
@@ -391,7 +394,8 @@ def analogs_here(path: Path) -> Analogs:
     n_channels = _channels_of(header, parameters)
     available = size - header.data_start
     header, _ = head.settle_points(header, parameters, available)
-    n_frames, _ = head.count_frames(header, parameters, available)
+    n_zeros = head.zeros_at_end(path, size)
+    n_frames, _ = head.count_frames(header, parameters, available, n_zeros=n_zeros)
     per_frame = header.n_analog // n_channels
     rate_hz = frame_rate(header, parameters)
     if not rate_hz > 0:

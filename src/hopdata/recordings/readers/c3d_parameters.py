@@ -468,8 +468,17 @@ def first_frame(header: C3dHeader, parameters: Parameters) -> int:
     return _two_words(parameters, "ACTUAL_START_FIELD") or header.first
 
 
+def zeros_at_end(path: Path, end: int) -> int:
+    """Return how many bytes before byte `end` of a file are 0, to one block."""
+    first = max(0, end - BLOCK)
+    with path.open("rb") as file:
+        file.seek(first)
+        tail = file.read(end - first)
+    return len(tail) - len(tail.rstrip(b"\0"))
+
+
 def count_frames(
-    header: C3dHeader, parameters: Parameters, available: int
+    header: C3dHeader, parameters: Parameters, available: int, *, n_zeros: int = 0
 ) -> tuple[int, tuple[str, ...]]:
     """Find the number of frames on which the file's claims and its size agree.
 
@@ -483,6 +492,9 @@ def count_frames(
         Counts stated by the file.
     available : int
         Bytes from the start of the data to the end of the file.
+    n_zeros : int
+        How many of the last of these are 0, to one block (`zeros_at_end`). Where only
+        the size tells the number of frames, they fill up the last block.
 
     Returns
     -------
@@ -511,7 +523,10 @@ def count_frames(
     wrapped = [n for n in possible if _are_wrapped(claims, n)]
     if not claims or not (fitting or wrapped):
         raise _no_room(claims, header, most, path)
-    n_frames = fitting[0] if fitting else wrapped[0]
+    if fitting:
+        n_frames = fitting[0]
+    else:
+        n_frames = _without_padding(wrapped, header, available - n_zeros)
     remarks = []
     for name, claim in claims.items():
         is_wrapped = n_frames > claim and _is_16_bit(claim, n_frames)
@@ -519,8 +534,21 @@ def count_frames(
             says = f"{name} says {claim:g} frames, the file holds {n_frames}"
             remarks.append(f"{path}: {says}")
     if not fitting:
-        remarks.append(f"{path}: {n_frames} frames counted from the size of the file")
+        counted = f"{n_frames} frames counted from the size of the file"
+        if n_frames < wrapped[0]:
+            n_filling = available - n_frames * header.frame_bytes
+            counted += f"; the {n_filling} bytes of 0 after them fill up a block"
+        remarks.append(f"{path}: {counted}")
     return n_frames, tuple(remarks)
+
+
+def _without_padding(counts: list[int], header: C3dHeader, n_bytes: int) -> int:
+    """Return the least of these counts that holds so many bytes, else the largest.
+
+    An unseen point has a residual of -1, so that a frame of zeros alone is no frame.
+    """
+    whole = [count for count in counts if count * header.frame_bytes >= n_bytes]
+    return min(whole, default=max(counts))
 
 
 def _are_wrapped(claims: dict[str, float], n_frames: int) -> bool:

@@ -84,12 +84,14 @@ def read_segments(
     # As for analog numbers: so many in each frame, from their own start on.
     per_frame = n_segments * ratio * _PER_SEGMENT
     own = replace(header, n_points=0, n_analog=per_frame, scale=-1.0, data_start=start)
-    available = path.stat().st_size - start
+    size = path.stat().st_size
+    available = size - start
     if available < own.frame_bytes:
         place = parameters.place("ROTATION", "DATA_START")
         wanted = f"{own.frame_bytes} bytes for each frame after byte {start}"
         raise RecordingError.at(place, wanted, max(available, 0))
-    n_frames, _ = head.count_frames(own, parameters, available)
+    n_zeros = head.zeros_at_end(path, size)
+    n_frames, _ = head.count_frames(own, parameters, available, n_zeros=n_zeros)
     stored = np.memmap(path, np.uint8, "r", start, (n_frames * own.frame_bytes,))
     numbers = parameters.processor.floats(np.asarray(stored))
     first = numbers.reshape(n_frames, ratio, n_segments, _PER_SEGMENT)[:, 0]
