@@ -31,6 +31,12 @@ BLOCK = 50_000  # frames processed at a time, to bound memory
 #: Unit: 1. Origin: chosen.
 SMALLEST_SWING = 0.3
 
+#: Smallest swing of a descent in which every foot comes down from its own apex, as a
+#: share of the same range. The feet then tell a landing from a shudder. It is 0.18 and
+#: more where a person on hands and feet falls anew after having hardly sunk.
+#: Unit: 1. Origin: chosen.
+SHALLOW_SWING = 0.1
+
 #: Quantiles of the body's height between which its range is taken, so that a few odd
 #: frames do not widen it.
 #: Unit: 1. Origin: chosen.
@@ -81,25 +87,49 @@ def descents(
     recording may begin and end within a descent. So may each part between gaps longer
     than `longest`, in s, or in frames if `time` is not given.
     """
+    parts = _parts_without_gaps(body, time, longest)
+    return _descents_in(parts, body, SMALLEST_SWING * _usual_range_m(parts, body))
+
+
+def shallow_descents(
+    body: FloatArray, time: FloatArray, *, longest: float
+) -> list[tuple[int, int]]:
+    """Find descents as `descents` does, from 10 % of the usual range on.
+
+    A shudder may be as large, so that something else must show that these are landings.
+    """
+    parts = _parts_without_gaps(body, time, longest)
+    return _descents_in(parts, body, SHALLOW_SWING * _usual_range_m(parts, body))
+
+
+def _parts_without_gaps(
+    body: FloatArray, time: FloatArray | None, longest: float
+) -> list[IntArray]:
+    """Return the frames that show the body, in parts without a longer gap."""
     seen = np.flatnonzero(np.isfinite(body))
     if len(seen) == 0:
-        return []
-    low, high = np.quantile(body[seen], RANGE_QUANTILES)
-    range_m = float(high - low)
-    if range_m <= 0:
         return []
     if time is None:
         waits = np.diff(seen)
     else:
         waits = np.diff(time[seen])
-    parts = np.split(seen, np.flatnonzero(waits > longest * (1 + 1e-9)) + 1)
+    return np.split(seen, np.flatnonzero(waits > longest * (1 + 1e-9)) + 1)
+
+
+def _usual_range_m(parts: list[IntArray], body: FloatArray) -> float:
+    """Return the range of which a swing is a share, m; 0 if the body does not move."""
+    if not parts:
+        return 0.0
+    low, high = np.quantile(body[np.concatenate(parts)], RANGE_QUANTILES)
+    range_m = float(high - low)
     found = _descents_in(parts, body, SMALLEST_SWING * range_m)
-    if found:
-        apex, nadir = np.array(found).T
-        fall_m = float(np.median(body[apex] - body[nadir]))
-        if range_m > MOST_RANGE * fall_m:
-            found = _descents_in(parts, body, SMALLEST_SWING * fall_m)
-    return found
+    if not found:
+        return range_m
+    apex, nadir = np.array(found).T
+    fall_m = float(np.median(body[apex] - body[nadir]))
+    if range_m > MOST_RANGE * fall_m:
+        return fall_m
+    return range_m
 
 
 def _descents_in(
@@ -107,6 +137,8 @@ def _descents_in(
 ) -> list[tuple[int, int]]:
     """Find the descents in all parts of a recording, see `descents`."""
     found: list[tuple[int, int]] = []
+    if swing <= 0:
+        return found
     for part in parts:
         found += _descents_of(part, body, swing)
     return found

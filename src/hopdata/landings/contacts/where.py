@@ -11,7 +11,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts import descents, steps
+from hopdata.landings.contacts import descents, shallow, steps
 from hopdata.landings.contacts.noise import height_noise
 from hopdata.recording import Recording
 
@@ -67,6 +67,9 @@ def descents_of(
     heights = recording.feet[:, :, 2] / recording.scale
     body = body_height(recording)
     falls = descents.descents(body, time, longest=descents.HIDDEN_S)
+    noise_m = height_noise(heights)
+    of_each_foot, fall_m = steps.find_steps(time, heights, noise_m=noise_m)
+    falls = shallow.with_shallow_falls(time, heights, body, falls, of_each_foot)
     if of_feet:
         falls = steps.clear_falls(body, falls)
     seen_spans = time[np.array(falls, dtype=np.int64).reshape(-1, 2)]
@@ -75,8 +78,7 @@ def descents_of(
     down_m = down_height_m / recording.scale
     found = None
     if of_feet:
-        noise_m = height_noise(heights)
-        found, fall_m = steps.find_steps(time, heights, noise_m=noise_m)
+        found = of_each_foot
         low_m = max(steps.LOW_SHARE * fall_m, steps.LEAST_FALL_SIGMAS * noise_m)
         down_m = max(down_m, low_m)
         seen_spans, is_shown = steps.shown_by_body(found, seen_spans)
