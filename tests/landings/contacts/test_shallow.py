@@ -81,7 +81,9 @@ def test_a_descent_in_which_another_begins_is_divided_where_the_body_was_lowest(
     # The second drop begins at the top, so that one descent would hold it and the third.
     is_after = (time >= 1.5) & (time < 2.0)
     is_before = (time >= 1.0) & (time < 1.5)
-    body[is_before | is_after] = 0.9 + 0.1 * np.cos(2 * np.pi * time[is_before | is_after])
+    body[is_before | is_after] = 0.9 + 0.1 * np.cos(
+        2 * np.pi * time[is_before | is_after]
+    )
     of_body, found = both(time, body, feet)
     assert len(of_body) == EXPECTED - 1
     assert held(time, found) == [1] * EXPECTED
