@@ -23,7 +23,7 @@ def with_shallow_falls(
     falls: Falls,
     steps: Steps,
 ) -> Falls:
-    """Return the descents of the body with those that only its feet tell from a shudder.
+    """Return the descents of the body with those that its feet tell.
 
     A descent that holds several of them is divided where the later ones begin.
 
@@ -83,7 +83,7 @@ def _all_feet_come_down(
 ) -> BoolArray:
     """Tell in which spans (L, 2), s, every foot comes down, (L,).
 
-    Of a foot that is hidden for a while nothing is known; one must be seen to come down.
+    Of a foot that is hidden nothing is known; one must be seen to come down.
     """
     n_feet = heights.shape[1]
     comes_down = np.zeros((len(spans), n_feet), dtype=bool)
