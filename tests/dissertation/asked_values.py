@@ -47,9 +47,11 @@ def texts_of(part):
     for node in ast.walk(ast.parse(texts[0])):
         if isinstance(node, ast.ImportFrom) and node.module:
             room, *below = node.module.split(".")
-            file = PACKAGE.joinpath(*below).with_suffix(".py")
-            if room == "hopdata" and file.is_file():
-                texts.append(file.read_text())
+            place = PACKAGE.joinpath(*below)
+            modules = [place, *(place / one.name for one in node.names)]
+            files = [module.with_suffix(".py") for module in modules]
+            if room == "hopdata":
+                texts += [file.read_text() for file in files if file.is_file()]
     return texts
 
 
