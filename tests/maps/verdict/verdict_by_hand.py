@@ -253,7 +253,7 @@ def mistakes(section):
     """1b: rows that are out."""
     states = section.states
     apart = np.abs(states - np.median(states, axis=0))
-    far = np.any(apart > 30 * np.median(apart, axis=0), axis=1)
+    far = np.any(apart > 16 * np.quantile(apart, 0.8, axis=0), axis=1)
     late = np.linalg.norm(section.missed, axis=1)
     contacts = too_far(late) & (late > 0.1)
     out = far | contacts
@@ -1848,7 +1848,7 @@ def verdict(x, y, instants, seed, **options):
     holds = holds_from(section, fit, share)
     found = effect["low"] > 0 and effect["high"] is not None
     half = holds_from(section, fit, 0.5) if found else None
-    needed = landings_needed(len(study.x), effect, study.instants.shape[1])
+    needed = landings_needed(section.n, effect, study.instants.shape[1])
     if jump is not None and jump["low"] > 0 and effect["low"] == 0:
         needed = None
     return {
