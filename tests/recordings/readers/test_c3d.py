@@ -177,6 +177,13 @@ def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
     assert count_frames(header, parameters, 182_611 * header.frame_bytes)[0] == 182_611
 
 
+    # Its last frame may be beyond the limit though it has few frames.
+    late = replace(header, first=60_000)
+    assert count_frames(late, parameters, 7_000 * header.frame_bytes)[0] == 7_000
+    with pytest.raises(RecordingError, match="found room for 5000 .*cut short"):
+        count_frames(late, parameters, 5_000 * header.frame_bytes)
+
+
 def test_event_times_are_absolute(tmp_path):
     content = raw(
         time=(500 + np.arange(20)) / 100, events=(Event("down", 5.05), Event("up", 5.1))
@@ -232,6 +239,15 @@ def test_a_full_16_bit_count_is_replaced_by_the_size_and_said(tmp_path):
         n, remarks = counted(path, 182_611, last=last)
         assert n == 182_611
         assert "counted from the size" in remarks[-1]
+
+
+@pytest.mark.parametrize("n_frames", [15_617, 65_400])
+def test_a_full_16_bit_count_needs_as_many_frames(tmp_path, n_frames):
+    """A long file that was cut short below its count is no short recording."""
+    path = written(tmp_path)
+    with pytest.raises(RecordingError, match=f"room for {n_frames} .*cut short"):
+        counted(path, n_frames, last=65_535)
+    assert counted(path, 65_535, last=65_535) == (65_535, ())
 
 
 def long_and_only_counted_in_16_bits(path, n_frames, *, n_points=12, unseen=0, extra=0):

@@ -520,7 +520,7 @@ def count_frames(
     possible = range(most, max(0, least - 1), -1)
     fitting = [int(claim) for claim in claims.values() if claim in possible]
     # Beyond 16 bits, a count that all claims agree with but for a multiple of 65,536.
-    wrapped = [n for n in possible if _are_wrapped(claims, n)]
+    wrapped = [n for n in possible if _are_wrapped(claims, header, n)]
     if not claims or not (fitting or wrapped):
         raise _no_room(claims, header, most, path)
     if fitting:
@@ -551,10 +551,17 @@ def _without_padding(counts: list[int], header: C3dHeader, n_bytes: int) -> int:
     return min(whole, default=max(counts))
 
 
-def _are_wrapped(claims: dict[str, float], n_frames: int) -> bool:
-    """Tell whether each claim is this number, or its limit, in 16 bits."""
+def _are_wrapped(claims: dict[str, float], header: C3dHeader, n_frames: int) -> bool:
+    """Tell whether each claim is this number in 16 bits, or the limit that it exceeds.
+
+    A count at the limit says that there are at least as many frames: a file that holds
+    fewer was cut short. The header has the last frame's number in place of a count.
+    """
+    reaches_limit = {name: n_frames >= MOST_16_BIT for name in claims}
+    reaches_limit["header"] = header.first + n_frames - 1 >= MOST_16_BIT
     return all(
-        _is_full(claim) or claim == n_frames % WORDS for claim in claims.values()
+        claim == n_frames % WORDS or (_is_full(claim) and reaches_limit[name])
+        for name, claim in claims.items()
     )
 
 
