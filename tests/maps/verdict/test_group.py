@@ -113,7 +113,7 @@ def test_what_false_alarms_explain_is_said_beside_a_mean_that_decides():
 def test_jumps_of_a_group_seldom_hold_by_chance(number, monkeypatch):
     """P-values of 1,999 signs; without Holm one of 12 studies jumps in every ninth group."""
     # statsmodels looks for garbage in each call, a second long in a process of many tests.
-    monkeypatch.setattr(gc, "collect", lambda *generation: 0)
+    monkeypatch.setattr(gc, "collect", lambda: 0)
     rng = np.random.default_rng(number)
     drawn = rng.integers(1, 2001, (1000, number)) / 2000
     alone = np.mean((drawn < 0.01).any(axis=1))
