@@ -1,7 +1,7 @@
 """How often each controller arrives, over seeds and over worlds that differ from plain.
 
-    python benchmarks/worlds.py --out worlds.csv [--seeds 20] [--first 1] [--starts 10]
-                                [--worlds ...] [--controllers ...] [--cores 2]
+    python benchmarks/steering/worlds.py --out worlds.csv [--seeds 20] [--first 1]
+        [--starts 10] [--worlds ...] [--controllers ...] [--cores 2]
 
 A world is the simulated hopper with one thing changed: friction, stiffness, the mass on
 the boom, the preload of one leg, or how it is seen. In each world, of each seed, each
