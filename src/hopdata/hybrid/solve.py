@@ -56,8 +56,8 @@ def solve(  # noqa: PLR0913 (each parameter is an option of the user's)
 
     One-step methods with error control are used. Events are localised on the
     interpolant, and the step is then repeated up to the event's instant, so that time
-    and state have the method's order. Guards that flip at one instant flip together;
-    the field is evaluated again after each instant.
+    and state have the method's order. Guards that are due at one instant flip one after
+    the other, by their number; field and guards are evaluated again after each flip.
 
     Parameters
     ----------
