@@ -28,7 +28,7 @@ PAGES = {
         "../CONTRIBUTING",
     ],
     "Explanation": [
-        "c1", "filter", "verdict", "verdict_method", "verdict_landings", "verdict_fit", "verdict_fading",
+        "c1", "filter", "verdict", "verdict_method", "verdict_fit", "verdict_answer",
         "verdict_campaign", "contacts_method",
         "prediction", "limits", "comparison", "steering_measured", "dissertation",
         "architecture", "decisions", "reliability",

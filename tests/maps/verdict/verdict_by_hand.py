@@ -1,7 +1,7 @@
 """The numbers of a verdict, computed by the steps of docs/verdict_method.md.
 
 Only NumPy and SciPy are used. Numbers in docstrings are those of the steps there and on
-the pages beside it (verdict_landings.md, verdict_fit.md, verdict_fading.md).
+the pages beside it (verdict_fit.md, verdict_answer.md).
 """
 
 from dataclasses import dataclass, replace
