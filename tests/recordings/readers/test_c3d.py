@@ -176,7 +176,6 @@ def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
     header = replace(read_c3d_header(data[:512], INTEL), first=10, last=65_535)
     assert count_frames(header, parameters, 182_611 * header.frame_bytes)[0] == 182_611
 
-
     # Its last frame may be beyond the limit though it has few frames.
     late = replace(header, first=60_000)
     assert count_frames(late, parameters, 7_000 * header.frame_bytes)[0] == 7_000

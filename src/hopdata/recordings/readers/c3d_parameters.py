@@ -557,7 +557,7 @@ def _are_wrapped(claims: dict[str, float], header: C3dHeader, n_frames: int) -> 
     A count at the limit says that there are at least as many frames: a file that holds
     fewer was cut short. The header has the last frame's number in place of a count.
     """
-    reaches_limit = {name: n_frames >= MOST_16_BIT for name in claims}
+    reaches_limit = dict.fromkeys(claims, n_frames >= MOST_16_BIT)
     reaches_limit["header"] = header.first + n_frames - 1 >= MOST_16_BIT
     return all(
         claim == n_frames % WORDS or (_is_full(claim) and reaches_limit[name])
