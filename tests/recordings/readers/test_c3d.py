@@ -179,7 +179,7 @@ def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
     # Its last frame may be beyond the limit though it has few frames.
     late = replace(header, first=60_000)
     assert count_frames(late, parameters, 7_000 * header.frame_bytes)[0] == 7_000
-    with pytest.raises(RecordingError, match="found room for 5000 .*cut short"):
+    with pytest.raises(RecordingError, match=r"found room for 5000 .*cut short"):
         count_frames(late, parameters, 5_000 * header.frame_bytes)
 
 
