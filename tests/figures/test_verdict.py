@@ -12,6 +12,7 @@ from hopdata.figures.verdict import (
     BAR_ROW,
     SEEN_ROW,
     group_figure,
+    size_figure,
     verdict_figure,
     verdicts_figure,
 )
@@ -228,6 +229,23 @@ def test_the_picture_claims_no_more_than_the_sentence():
     assert "alike to\n12 %" in words
     assert not any("one map" in one or "One smooth" in one for one in words)
     assert text_faults(verdict_figure(reserved, touchdowns())) == []
+
+
+@pytest.mark.parametrize("holds_from", [None, 0.0043])
+@pytest.mark.parametrize(
+    ("jump_bound", "told"), [(None, ""), (0.2, ""), (0.24, "24 %")]
+)
+def test_a_jump_that_may_exceed_the_margin_stands_in_the_title(
+    holds_from, jump_bound, told
+):
+    none = verdict(holds_from=holds_from, jump_bound=jump_bound)
+    figure = verdict_figure(none, touchdowns())
+    title = figure.axes[0].get_title("left").replace("\u00a0", " ")
+    assert title.startswith("No difference above 12 %")
+    assert ("but a jump of up to" in title) == bool(told)
+    assert told in title
+    for drawn in (figure, size_figure(none)):
+        assert text_faults(drawn) == []
 
 
 def test_a_foot_has_one_colour_and_mark_in_all_rows():

@@ -307,9 +307,7 @@ def in_short(verdict: Mapping[str, Any]) -> str:
         return f"{answer}: no upper bound"
     bound = _percent(effect["upper_bound"])
     if verdict["conclusion"] == "no difference":
-        if verdict.get("holds_from") is None:
-            return f"No difference above {bound}"
-        return f"No difference above {bound} over these landings"
+        return f"No difference above {bound}{_besides(verdict)}"
     if verdict["conclusion"] == "cannot tell":
         return f"{answer}: up to {bound} possible"
     size = _percent(effect["estimate"])
@@ -317,6 +315,17 @@ def in_short(verdict: Mapping[str, Any]) -> str:
     high = _percent(effect["high"])
     by = {"effect": "by", "jump": "a jump of"}[_decided(verdict)]
     return f"{answer}: {by} {size} ({low} to {high})"
+
+
+def _besides(verdict: Mapping[str, Any]) -> str:
+    """Return what the bound of no difference leaves open: the contact, and jumps."""
+    besides = ""
+    if verdict.get("holds_from") is not None:
+        besides = " over these landings"
+    jump_bound = verdict.get("jump_bound")
+    if jump_bound is not None and jump_bound > verdict["margin"]:
+        besides += f",\nbut a jump of up to {_percent(jump_bound)} is possible"
+    return besides
 
 
 PER_CENT = "\u00a0%"  # the space keeps number and sign on one line

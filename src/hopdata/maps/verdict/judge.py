@@ -120,6 +120,9 @@ class Verdict(Shown):
         Size of the jumps of the outcome where two feet exchange their order, as a share
         of what the mean map makes of the inputs; None if it could not be computed, or
         if no two feet exchange their order often enough.
+    jump_bound
+        Bound that holds for the jump at each exchange, together with those of all
+        pairs; None if no jump is known.
     decided_by
         ``"jump"`` if only the jump shows a difference, otherwise ``"effect"``.
     landings_needed
@@ -186,6 +189,7 @@ class Verdict(Shown):
     holds_from: float | None = None
     twice_high_from: float | None = None
     jump: EffectSize | None = None
+    jump_bound: float | None = None
     decided_by: str = "effect"
     landings_needed: int | None = None
     contacts_r2: float | None = None
@@ -375,6 +379,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
     spreads = reading.least_time_constant(over_landings.upper_bound / margin)
     jump = sizes.jump
+    jump_bound = which.largest_high(sizes.orders, which.OF_JUMP)
 
     answer = _answer(
         reading,
@@ -443,6 +448,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         holds_from=_scaled(spreads, contact_spread),
         twice_high_from=_scaled(half_shown, contact_spread),
         jump=jump,
+        jump_bound=jump_bound,
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         contacts_r2=landings.foretold,
