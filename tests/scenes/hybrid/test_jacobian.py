@@ -71,6 +71,15 @@ def test_three_legs_at_once_are_the_saltation_matrices_of_any_order():
         assert gap(there.jacobian, piece.matrix) < 1e-13
 
 
+@pytest.mark.parametrize("end", [1e-300, 1e-230, 1e-161, 1e-100])
+def test_a_span_as_short_as_a_number_can_be_takes_one_step(end):
+    """The errors of the Jacobian are so small there that their squares vanish."""
+    found = carried(HOPPER, (0, end), TOUCHING, **LANDING)
+    assert found.status == 0
+    assert found.n_steps <= 4
+    assert np.isfinite(found.jacobian).all()
+
+
 def extrapolated(system, t_span, y0, **options):
     """Return differences without their first-order error across the kinks of a C1 flow."""
     coarse, fine = (

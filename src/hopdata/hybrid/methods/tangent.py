@@ -324,9 +324,11 @@ def judge_columns(phi: FloatTable, error: int, other: int) -> float:
     worst = 0.0
     for j in range(n):
         found = size_of_column(phi, error, j)
-        if other >= 0 and found > 0.0:
+        # Of an error below 1e-162, as of a step of 1e-300, the square is no number.
+        squared = found * found
+        if other >= 0 and squared > 0.0:
             beside = size_of_column(phi, other, j)
-            found *= found / sqrt(found * found + 0.01 * beside * beside)
+            found *= found / sqrt(squared + 0.01 * beside * beside)
         if found > 0.0:
             found /= max(size_of_column(phi, n, j), ABSOLUTELY_TINY)
         phi[into, j] = found
