@@ -1042,6 +1042,9 @@ class Fit:
     shown: np.ndarray
     w3: np.ndarray
     outcomes: np.ndarray
+    shown_steps: np.ndarray
+    mixed_a: np.ndarray
+    z: np.ndarray
     allowed_nearest: float | None = None
     noise_nearest: float = 1.0
 
@@ -1131,6 +1134,7 @@ def fit_in_window(section, share):
     allowed_steps = 0.0
     every = visible(beside(mixing(kinks), q), kinks, 0.0)
     free = kinks @ every[:, v.shape[1] :]
+    shown = np.zeros((len(rows), 0))
     if pairs:
         of_exchanges, sharp, v_steps = visible_exchanges(
             t, section.unforetold, mixing, with_h, pairs
@@ -1141,9 +1145,10 @@ def fit_in_window(section, share):
         free = np.hstack([free, shown])
         faded = fading(sharp @ v_steps, shown, mixing, with_h)
         allowed_steps = faded * max(0.05 * g, 0.1 * (least + section.bent))
-    mixed_left = mixing(outcomes - beside_smooth)
-    of_z = np.linalg.lstsq(mixed_a, mixed_left, rcond=None)[0][1 : 1 + n_linear]
-    by_inputs = slopes(lower[:, 1 : 1 + n_linear], section.inputs[rows]) @ of_z
+    z = lower[:, 1 : 1 + n_linear]
+    by_inputs = slopes_by_inputs(
+        section.inputs[rows], z, mixed_a, mixing(outcomes - beside_smooth)
+    )
     return Fit(
         rows=rows,
         v=v,
@@ -1160,7 +1165,28 @@ def fit_in_window(section, share):
         shown=h,
         w3=w3,
         outcomes=outcomes,
+        shown_steps=shown,
+        mixed_a=mixed_a,
+        z=z,
     )
+
+
+def slopes_by_inputs(inputs, z, mixed_a, mixed_left):
+    """8c: slopes by the inputs of outcomes (mixed) less kinks and steps."""
+    of_z = np.linalg.lstsq(mixed_a, mixed_left, rcond=None)[0][1 : 1 + z.shape[1]]
+    return slopes(z, inputs) @ of_z
+
+
+def kinks_beside_steps(section, fit):
+    """8h: the fit with its kinks beside the steps."""
+    steps = fit.mixing(fit.shown_steps)
+    q = np.hstack([fit.q, basis(beside(steps, fit.q))])
+    kinks = fitted_scores(fit.mixing(fit.shown), fit.mixing(fit.outcomes), q)
+    left = fit.outcomes - fit.shown @ kinks.b - fit.shown_steps @ fit.steps.b
+    by_inputs = slopes_by_inputs(
+        section.inputs[fit.rows], fit.z, fit.mixed_a, fit.mixing(left)
+    )
+    return replace(fit, kinks=kinks, by_inputs=by_inputs)
 
 
 def left_of(allowed, section, n_rows):
@@ -1809,11 +1835,20 @@ def conclusion(effect, jump, margin):
     return "cannot tell"
 
 
-def verdict(x, y, instants, seed, **options):
-    """Return the numbers of a verdict by name."""
-    study = known(Study(x, y, instants, seed, **options))
-    section = searched(study)
-    fit = best_window(section)
+@dataclass(frozen=True)
+class Sizes:
+    """11 and 12: the sizes of a fit, with their levels and rows."""
+
+    m: np.ndarray
+    size: "Size"
+    of_steps: "Size | None"
+    levels: list[float]
+    effects: list[dict[str, float]]
+    rows: list[dict[str, float]]
+
+
+def sizes_of(section, fit, study):
+    """9 to 12: the sizes of kinks and steps, and of each pair."""
     m, size = changes(section, fit)
     of_steps = None
     if fit.steps is not None:
@@ -1830,19 +1865,47 @@ def verdict(x, y, instants, seed, **options):
         effects.append(effect_of(draws, a, level, study))
     effects[0]["left"] = fit.left
     effects[0] |= of_nearest(tests[0], fit, levels[0], study)
+    pairs = pair_draws(m, size, fit, of_steps, errors)
+    rows = sizes_of_pairs(pairs, joint_p, study)
+    return Sizes(m, size, of_steps, levels, effects, rows)
+
+
+def found_jump(jump, rows):
+    """13: whether a jump is found, of all exchanges or of one."""
+    of_one = any(row["of"] == "jump" and row["low"] > 0 for row in rows)
+    return of_one or (jump is not None and jump["low"] > 0)
+
+
+def verdict(x, y, instants, seed, **options):
+    """Return the numbers of a verdict by name."""
+    study = known(Study(x, y, instants, seed, **options))
+    section = searched(study)
+    fit = best_window(section)
+    sizes = sizes_of(section, fit, study)
+    effects = sizes.effects
+    levels = sizes.levels
+    rows = sizes.rows
     jump = None
     if len(effects) == 2:
         jump = effects[1] | {"left": fit.allowed_steps}
-    p_value, effect = saturation(section, fit, size, effects[0], study)
-    pairs = pair_draws(m, size, fit, of_steps, errors)
-    rows = sizes_of_pairs(pairs, joint_p, study)
+    p_value, effect = saturation(section, fit, sizes.size, effects[0], study)
     if jump is not None and p_value < 0.01:
 
         def beside_bends():
-            return jumps_beside_bends(section, fit, m, size, of_steps, levels[1], study)
+            return jumps_beside_bends(
+                section, fit, sizes.m, sizes.size, sizes.of_steps, levels[1], study
+            )
 
         saturates = effect["high"] is None
         jump, rows = only_sure_jumps(jump, rows, beside_bends, saturates)
+    if found_jump(jump, rows):
+        fit = kinks_beside_steps(section, fit)
+        again = sizes_of(section, fit, study)
+        effects = again.effects
+        levels = [again.levels[0], levels[1]]
+        jumps = [row for row in rows if row["of"] == "jump"]
+        rows = [row for row in again.rows if row["of"] == "map"] + jumps
+        p_value, effect = saturation(section, fit, again.size, effects[0], study)
     spread = np.sqrt(np.mean(np.var(study.instants, axis=1)))
     share = effects[0]["upper_bound"] / study.margin
     holds = holds_from(section, fit, share)

@@ -205,6 +205,28 @@ class KinkFit:
         rest = landings.unforetold.total
         return at_contact(smooth, self.shown, self.seen, instants, rest)
 
+    def kinks_beside_jumps(self) -> "KinkFit":
+        """Return the kinks as they stand beside the steps.
+
+        Without the steps, a jump is left in the residuals of the kinks. It is a function
+        of the inputs, so that random signs do not show by how much it moves the kinks.
+        """
+        jumps = self.jumps
+        if self.smooth is None or self.shown is None:
+            return self
+        if jumps is None or jumps.shown is None:
+            return self
+        fit = fit_beside(self.smooth.and_also(jumps.shown), self.shown)
+        both = self.shown @ fit.coefficients + jumps.shown @ jumps.coefficients
+        number = len(self.scores)
+        return replace(
+            self,
+            coefficients=fit.coefficients,
+            linear=self.smooth.linear(both),
+            scores=_of_all(fit.scores, self.rows, number),
+            null_scores=_of_all(fit.null_scores, self.rows, number),
+        )
+
     def jumps_beside_bends(self, landings: SectionLandings) -> tuple["KinkFit", ...]:
         """Return the jumps as they stand beside bends: see `saturation.beside_bends`.
 

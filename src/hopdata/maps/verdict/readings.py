@@ -23,8 +23,10 @@ from hopdata.maps.verdict.orders import PairEffect
 from hopdata.maps.verdict.sizes import (
     Sizes,
     at_contact,
+    has_jump,
     sizes_of,
     with_jump_beside_bends,
+    with_kinks_beside_jump,
 )
 from hopdata.maps.verdict.window import fit_of_best_window
 
@@ -139,6 +141,10 @@ def _reading(
     sizes = sizes_of(fit, landings, comparison, options)
     contact = at_contact(fit, landings, comparison, sizes.effect, options)
     sizes = with_jump_beside_bends(sizes, contact, fit, landings, comparison, options)
+    if has_jump(sizes):
+        fit = fit.kinks_beside_jumps()
+        sizes = with_kinks_beside_jump(sizes, fit, landings, comparison, options)
+        contact = at_contact(fit, landings, comparison, sizes.effect, options)
     return Reading(landings, fit, sizes, contact)
 
 

@@ -115,7 +115,7 @@ def with_jump_beside_bends(
     jump = sizes.jump
     if jump is None:
         return sizes
-    if jump.low <= 0.0 and not any(_is_jump_found(pair) for pair in sizes.orders):
+    if not has_jump(sizes):
         return sizes
     beside = _jumps_beside_bends(fit, landings, comparison, options, sizes.levels)
     size = _widest([one.size for one in beside])
@@ -136,6 +136,37 @@ def with_jump_beside_bends(
             told = pairs.pop(0)
         orders.append(told)
     return replace(sizes, jump=replace(size, upper_bound=bound), orders=orders)
+
+
+def has_jump(sizes: Sizes) -> bool:
+    """Return whether a jump is found, of all exchanges together or of one."""
+    if sizes.jump is not None and sizes.jump.low > 0.0:
+        return True
+    return any(_is_jump_found(pair) for pair in sizes.orders)
+
+
+def with_kinks_beside_jump(
+    sizes: Sizes,
+    fit: KinkFit,
+    landings: SectionLandings,
+    comparison: Comparison,
+    options: Options,
+) -> Sizes:
+    """Return the sizes with those of the kinks beside a jump that was found.
+
+    `fit` has the kinks beside the steps. The jump and its pairs stay as they are.
+    """
+    beside = sizes_of(fit, landings, comparison, options)
+    maps = [pair for pair in beside.orders if pair.of == which.OF_MAP]
+    jumps = [pair for pair in sizes.orders if pair.of == which.OF_JUMP]
+    own = [pair for pair in beside.orders if pair.of == which.OF_ORDER]
+    return replace(
+        sizes,
+        effect=beside.effect,
+        levels={**sizes.levels, "effect": beside.levels["effect"]},
+        orders=[*maps, *jumps, *own],
+        alone=beside.alone,
+    )
 
 
 def _without_jump(sizes: Sizes, jump: EffectSize, p_value: float) -> Sizes:
