@@ -107,6 +107,12 @@ def quick_runner():
 
 
 @pytest.fixture(scope="session")
+def forefoot_runner(same_run):
+    """Return the C3D file of a runner who lands on the forefoot."""
+    return same_run[0]
+
+
+@pytest.fixture(scope="session")
 def external_forces():
     """Return the forces of the same run."""
     return external(EXTERNAL_FORCES)

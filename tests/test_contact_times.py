@@ -18,9 +18,14 @@ from hopdata.contact_times import (
 )
 from hopdata.errors import AnalysisError, ArgumentError, HopdataError
 from hopdata.landings.contact_feet import _of_all_feet
-from hopdata.landings.contact_rows import order_rows, untimed
+from hopdata.landings.contact_rows import (
+    COLUMNS,
+    contact_rows,
+    order_rows,
+    untimed,
+)
 from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.find import find_landings, find_study_landings
 from hopdata.messages import Message, Messages
 from hopdata.recordings.wording import also
 from hopdata.recordings.writers.contact_events import labels
@@ -372,9 +377,88 @@ def test_the_names_of_markers_change_no_digit():
         own = [toes["left"], heels["left"], toes["right"], heels["right"]]
         recording = walking(dict(zip(names, own, strict=True)))
         feet = {"left": names[:2], "right": names[2:]}
-        found.append(contacts(recording, feet=feet).table)
+        table = contacts(recording, feet=feet).table
+        first = dict(zip(names, ("a", "b", "c", "d"), strict=True))
+        found.append(table.assign(marker=table["marker"].map(first)))
     for other in found[1:]:
         pd.testing.assert_frame_equal(found[0], other, check_exact=True)
+
+
+FOOT_MARKERS = {"left": ["heel", "toe"], "right": ["hoof"]}
+
+
+def striking(late_s, *, seed=1, n_steps=3):
+    """Return contacts of a foot whose toe follows its heel, and of one of one marker."""
+    steps = alternating(n_steps)
+    toe = [at + late for at, late in zip(steps["left"], late_s, strict=True)]
+    own = {"heel": steps["left"], "toe": toe, "hoof": steps["right"]}
+    recording = walking(own, seed=seed, duration_s=2 * STEP_S * n_steps + 0.5)
+    return contacts(recording, feet=FOOT_MARKERS).table
+
+
+@pytest.mark.parametrize(("late_s", "first"), [(0.02, "heel"), (-0.02, "toe")])
+def test_the_marker_of_a_foot_that_touches_first_is_told(late_s, first):
+    table = striking([late_s] * 3)
+    left = table[table["foot"] == "left"]
+    assert set(left["marker"]) == {first}
+    assert (left["marker_probability"] > 0.95).all()
+    # A foot of one marker has no other that might be first.
+    right = table[table["foot"] == "right"]
+    assert set(right["marker"]) == {"hoof"}
+    assert right["marker_probability"].isna().all()
+
+
+def test_no_marker_is_surely_first_that_the_errors_do_not_tell():
+    """Whether one marker yields more than the other, contacts do not show."""
+    flat = striking([0.0, 2e-4, -2e-4])
+    assert flat.loc[flat["foot"] == "left", "marker_probability"].max() < 0.9
+    rng = np.random.default_rng(5)
+    told = []
+    for seed in range(4):
+        late_s = rng.normal(0, 0.002, 6)
+        table = striking(late_s, seed=seed, n_steps=6)
+        left = table[table["foot"] == "left"]
+        is_right = left["marker"].to_numpy() == np.where(late_s > 0, "heel", "toe")
+        told += zip(left["marker_probability"], is_right, strict=True)
+    probability, is_right = np.array(told).T
+    is_sure = probability > 0.9
+    assert is_sure.sum() > 5
+    assert (~is_sure).sum() > 5
+    assert is_right[is_sure].mean() >= 0.9
+
+
+def test_a_contact_that_is_not_found_has_no_marker_and_neither_has_one_height():
+    (recording,) = contacts(walking(alternating())).recordings  # levelled
+    (landings,) = find_study_landings([recording], of_feet=True)
+    is_left = landings["status_left"] == descents.LANDED
+    place = COLUMNS.index("marker")
+    for status, marker in [(descents.LANDED, "left"), (descents.POOR_FIT, "")]:
+        given = landings[is_left].assign(status_left=status)
+        rows = contact_rows(recording, given)
+        assert {row[place] for row in rows if "left" in row[2]} == {marker}
+    # To a printed method the markers of a foot are one height.
+    steps = alternating()
+    own = {"heel": steps["left"], "toe": steps["left"], "hoof": steps["right"]}
+    by_velocity = contacts(walking(own), feet=FOOT_MARKERS, method="velocity_minimum")
+    named = by_velocity.table.groupby("foot")["marker"].unique()
+    assert named["left"].tolist() == [""]
+    assert named["right"].tolist() == ["hoof"]
+
+
+@pytest.mark.parametrize(
+    ("runner", "hind", "least"),
+    [("quick_runner", {"Heel.Bottom"}, 0.95), ("forefoot_runner", {"MT1", "MT5"}, 0.8)],
+)
+def test_who_lands_on_the_heel_and_who_on_the_forefoot_are_told_apart(
+    request, runner, hind, least
+):
+    names = ("Heel.Bottom", "MT1", "MT5")
+    feet = {side: [f"{side}.{name}" for name in names] for side in "LR"}
+    found = contacts(request.getfixturevalue(runner), feet=feet).found
+    assert len(found) > 75
+    sure = found[found["marker_probability"] > 0.9]
+    assert len(sure) > least * len(found)
+    assert set(sure["marker"].str[2:]) <= hind
 
 
 @pytest.mark.parametrize(("contact_s", "end_s"), [(0.4, 0.5), (0.6, 0.6)])

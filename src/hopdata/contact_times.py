@@ -88,13 +88,16 @@ class ContactTimes(Shown):
     ----------
     table : DataFrame
         A row for each contact, in order of time: recording, landing (from 1), foot, its
-        side (``left``, ``right`` or empty), contact_s (on the clock of the file), its
-        standard error se_s, the error common_s that all contacts of this foot may
-        share, found (whether the instant can be trusted), and a remark if not,
-        or if the foot slowed without a kink, so that the error is large. A foot
-        that may have landed unseen has a row without an instant. Last, the force plate
-        of the file that the contact loads, its onset plate_s, and the onset's standard
-        error plate_se_s; empty without one.
+        side (``left``, ``right`` or empty), the marker of this foot that touches first
+        (empty if the contact is not found, or if a printed method timed a foot of
+        several) and its marker_probability (that it is the first, by the contacts'
+        own and common errors; NaN for a foot of a single marker), contact_s (on the
+        clock of the file), its standard error se_s, the error common_s that all
+        contacts of this foot may share, found (whether the instant can be trusted), and
+        a remark if not, or if the foot slowed without a kink, so that the error is
+        large. A foot that may have landed unseen has a row without an instant. Last,
+        the force plate of the file that the contact loads, its onset plate_s, and the
+        onset's standard error plate_se_s; empty without one.
     orders : DataFrame
         A row for each landing: recording, landing, begin_s and end_s (the top and the
         end of the descent in which it was sought, or its last contact if that is

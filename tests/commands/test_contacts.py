@@ -115,14 +115,22 @@ def test_markers_are_joined_to_a_foot_and_the_first_counts(recording, tmp_path, 
     joined = tmp_path / "joined.csv"
     assert main(["contacts", str(recording), "--out", str(apart)]) == 0
     feet = ["--feet", "left=toe1,toe2", "toe3"]
-    assert main(["contacts", str(recording), *feet, "--out", str(joined)]) == 0
-    capsys.readouterr()
+    page = tmp_path / "joined.html"
+    given = [*feet, "--out", str(joined), "--html", str(page)]
+    assert main(["contacts", str(recording), *given]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"left \(toe[12] first [01]\.\d\d\) \d", out)
+    assert "(toe3" not in out  # a foot of one marker
+    assert "first marker" in page.read_text("utf-8")
     of_apart = pd.read_csv(apart)
     of_joined = pd.read_csv(joined)
     assert set(of_joined["foot"]) == {"left", "toe3"}
     first = of_apart[of_apart["foot"] != "toe3"].groupby("landing")["contact_s"].min()
     of_left = of_joined[of_joined["foot"] == "left"].set_index("landing")["contact_s"]
     assert np.abs(first - of_left).max() < 0.004
+    by_foot = of_joined.groupby("foot")
+    assert set(by_foot["marker"].unique()["left"]) <= {"toe1", "toe2"}
+    assert by_foot["marker_probability"].count().to_dict() == {"left": 8, "toe3": 0}
     given = ["--feet", "left=toe1", "right=toe3", "--events", "csv"]
     assert main(["contacts", str(recording), *given]) == 0
     (events,) = Path().glob("*_contacts.csv")

@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal, norm
 
 from hopdata.landings.schedules import (
     count_mode_schedules,
+    first_probability,
     mode_schedules,
     order_probability,
     runner_up,
@@ -34,6 +35,29 @@ def test_two_feet_against_the_closed_form():
     mean, sd = rng.normal(size=(200, 2)), 10 ** rng.uniform(-3, 1, (200, 2))
     exact = norm.cdf(np.abs(mean[:, 1] - mean[:, 0]) / np.hypot(sd[:, 0], sd[:, 1]))
     np.testing.assert_allclose(order_probability(mean, sd), exact, atol=1e-11)
+
+
+def test_the_first_of_several_against_draws_and_what_cannot_be_first():
+    rng = np.random.default_rng(3)
+    mean = rng.normal(size=(40, 4))
+    sd = 10 ** rng.uniform(-2, 1, (40, 4))
+    mean[::2, 1] = np.inf  # it does not touch
+    seen = np.where(np.isfinite(mean), mean, 0.0)
+    drawn = seen + sd * rng.standard_normal((100_000, 40, 4))
+    drawn[:, np.isinf(mean)] = np.inf
+    is_first = drawn.argmin(axis=2) == mean.argmin(axis=1)
+    found = first_probability(mean, sd)
+    np.testing.assert_allclose(found, is_first.mean(axis=0), atol=0.007)
+    # The order of the feet changes no digit, and of two the first is their order.
+    for order in permutations(range(4)):
+        turned = first_probability(mean[:, order], sd[:, order])
+        np.testing.assert_array_equal(turned, found)
+    two = first_probability(mean[:, 2:], sd[:, 2:])
+    np.testing.assert_allclose(two, order_probability(mean[:, 2:], sd[:, 2:]))
+    alone = first_probability(np.array([[1.0, np.inf]]), np.ones((1, 2)))
+    np.testing.assert_allclose(alone, 1.0)
+    unknown = first_probability(np.array([[1.0, 2.0]]), np.array([[0.1, np.nan]]))
+    assert np.isnan(unknown).all()
 
 
 def test_a_clock_that_counts_seconds_since_1970_rounds_no_probability():

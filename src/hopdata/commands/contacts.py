@@ -581,7 +581,7 @@ def _cells(order: Any, own: pd.DataFrame) -> tuple[str, str, str, str]:
             told.append(f"{contact['foot']} ? ({contact['remark']})")
             continue
         after_ms = 1e3 * (contact["contact_s"] - first_s)
-        text = f"{contact['foot']} {after_ms:.1f} ± {1e3 * contact['se_s']:.1f}"
+        text = f"{_touching(contact)} {after_ms:.1f} ± {1e3 * contact['se_s']:.1f}"
         if contact["remark"]:
             text += f" ({contact['remark']})"
         told.append(text)
@@ -601,11 +601,25 @@ def _cells_of_one(own: pd.DataFrame) -> tuple[str, str]:
     for contact in own.to_dict("records"):
         text = f"{contact['foot']} ?"
         if np.isfinite(contact["contact_s"]):
-            text = f"{contact['foot']} ± {1e3 * contact['se_s']:.1f}"
+            text = f"{_touching(contact)} ± {1e3 * contact['se_s']:.1f}"
         if contact["remark"]:
             text += f" ({contact['remark']})"
         told.append(text)
     return shown, ", ".join(told)
+
+
+def _touching(contact: Mapping[Any, Any]) -> str:
+    """Return a foot and its first marker, as ``left (LHEE first 0.98)``.
+
+    The number is the probability that it is the first.
+    """
+    foot = str(contact["foot"])
+    marker = contact["marker"]
+    if marker in ("", foot):
+        return foot
+    if not np.isfinite(contact["marker_probability"]):
+        return f"{foot} ({marker})"
+    return f"{foot} ({marker} first {contact['marker_probability']:.2f})"
 
 
 def _plain(rows: Sequence[Sequence[str]]) -> str:

@@ -232,6 +232,7 @@ def _contact_table(found: ContactTimes) -> Table:
     several = found.table["recording"].nunique() > 1
     table = found.table.assign(late_ms=_after_plate_ms(found.table))
     has_plates = bool(table["late_ms"].notna().any())
+    has_markers = bool(table["marker_probability"].notna().any())
     rows = []
     for contact in table.head(MOST_ROWS).to_dict("records"):
         name = f"{contact['landing']}"
@@ -245,15 +246,26 @@ def _contact_table(found: ContactTimes) -> Table:
         if has_plates:
             numbers.append(_number(float(contact["plate_s"]), 4))
             numbers.append(_number(contact["late_ms"], 1))
-        rows.append((name, contact["foot"], contact["remark"], *numbers))
-    head = [
-        *("landing", "foot", "remark"),
-        *("contact (s)", "standard error (ms)", "common error (ms)"),
-    ]
+        texts = [name, contact["foot"], contact["remark"]]
+        if has_markers:
+            texts.insert(2, contact["marker"])
+            numbers.insert(0, _number(contact["marker_probability"], 3))
+        rows.append((*texts, *numbers))
+    texts_head = ["landing", "foot", "remark"]
+    head = ["contact (s)", "standard error (ms)", "common error (ms)"]
+    if has_markers:
+        texts_head.insert(2, "first marker")
+        head.insert(0, "probability that it is first")
     if has_plates:
         head += ["plate (s)", "contact after plate (ms)"]
     note = str(Message("commands.contacts_note"))
-    return Table("Contacts", tuple(head), tuple(rows), text_columns=3, note=note)
+    return Table(
+        "Contacts",
+        (*texts_head, *head),
+        tuple(rows),
+        text_columns=len(texts_head),
+        note=note,
+    )
 
 
 def _after_plate_ms(table: pd.DataFrame) -> pd.Series:

@@ -34,6 +34,8 @@ COLUMNS = (
     "landing",
     "foot",
     "side",
+    "marker",
+    "marker_probability",
     "contact_s",
     "se_s",
     "common_s",
@@ -238,7 +240,11 @@ def contact_rows(recording: Recording, landings: pd.DataFrame) -> list[tuple[Any
             is_found = status == descents.LANDED and np.isfinite(instant)
             se_s = landing[f"se_{foot}_s"]
             remark = ""
+            marker = landing[f"marker_{foot}"]
+            probability = landing[f"probability_{foot}"]
             if not is_found:
+                marker = ""
+                probability = np.nan
                 code = REMARKS.get(status, "landings.contact_not_determined")
                 remark = str(Message(code))
             elif se_s >= UNDETERMINED_S * recording.time_scale:
@@ -249,6 +255,8 @@ def contact_rows(recording: Recording, landings: pd.DataFrame) -> list[tuple[Any
                     number,
                     foot,
                     side_of[foot],
+                    marker,
+                    probability,
                     instant,
                     se_s,
                     landing[f"common_{foot}_s"],

@@ -18,10 +18,12 @@ from hopdata.landings.contacts.descents import (
 )
 from hopdata.landings.contacts.joined import (
     _earlier,
+    first_marker,
     first_of,
     join_feet,
     parts_of_feet,
 )
+from hopdata.landings.contacts.judged import NO_MARKER
 from hopdata.landings.touchdowns import touchdown_table
 
 FEET = [{"name": "left", "markers": ["foot1", "foot3"]}]
@@ -124,6 +126,42 @@ def test_the_earliest_of_several_does_not_depend_on_their_order():
     for part in range(1, 4):
         found = _earlier(*found, ordered[0][:, part], ordered[1][:, part])
     assert np.abs(found[1] / sd - 1).max() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("toe", "common", "probability"),
+    [
+        ((1.03, 0.001, LANDED, 0.9), (0.003, 0.004), 1.0),
+        # What the markers share with their own other contacts only may part them.
+        ((1.03, 0.001, LANDED, 0.9), (0.03, 0.04), 0.726),
+        ((1.001, 0.001, LANDED, 0.9), (0.0, 0.0), 0.760),
+        ((np.nan, np.nan, NOT_LANDED, 0.9), (0.03, 0.04), 1.0),
+        # One that is lost from sight may have touched as soon as it was low enough.
+        ((np.nan, np.nan, MISSING, 1.001), (0.0, 0.0), 0.760),
+        ((np.nan, np.nan, MISSING, 1.02), (0.0, 0.0), 1.0),
+    ],
+)
+def test_the_first_marker_is_as_sure_as_the_errors_allow(toe, common, probability):
+    heel = (1.0, 0.001, LANDED, 0.9)
+    for order in ([0, 1], [1, 0]):
+        both = [heel, toe][order[0]], [heel, toe][order[1]]
+        known = [np.array([column]) for column in zip(*both, strict=True)]
+        marker, found = first_marker(*known, np.array(common)[order])
+        assert marker.tolist() == [order.index(0)]
+        np.testing.assert_allclose(found, probability, atol=5e-4)
+
+
+def test_a_foot_of_which_no_marker_landed_has_no_first_and_one_has_no_other():
+    nothing = np.full((1, 2), np.nan)
+    common = np.full(2, 0.001)
+    status = np.array([[NOT_LANDED, MISSING]])
+    marker, probability = first_marker(nothing, nothing, status, nothing, common)
+    assert marker.tolist() == [NO_MARKER]
+    assert np.isnan(probability).all()
+    one = np.ones((1, 1))
+    marker, probability = first_marker(one, one, one.astype(int) * LANDED, one, one[0])
+    assert marker.tolist() == [0]
+    assert np.isnan(probability).all()
 
 
 def test_contacts_do_not_depend_on_the_order_of_the_markers(opensim_files):

@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.judged import Contacts
+from hopdata.landings.contacts.judged import NO_MARKER, Contacts
 from hopdata.landings.contacts.steps import TOGETHER_S
 from hopdata.landings.contacts.together import landed_together
 
@@ -35,6 +37,18 @@ def test_rows_that_need_no_change_stay_as_they_are():
     np.testing.assert_array_equal(found.instant, given.instant)
     np.testing.assert_array_equal(found.se, given.se)
     np.testing.assert_array_equal(found.status, given.status)
+
+
+def test_markers_go_with_the_contacts_that_they_make():
+    spans = np.array([[0.1, 0.6], [0.2, 0.7]])
+    given = replace(
+        contacts_at([[0.500, NAN, NAN], [NAN, 0.501, NAN]]),
+        marker=np.array([[2, 0, 1], [1, 0, 1]]),
+        marker_probability=np.array([[0.9, NAN, 0.7], [0.8, 0.6, 0.5]]),
+    )
+    _, _, found = landed_together(spans, np.array([False, True]), given)
+    assert found.marker.tolist() == [[2, 0, NO_MARKER]]
+    np.testing.assert_array_equal(found.marker_probability, [[0.9, 0.6, NAN]])
 
 
 def test_a_pair_that_was_sought_in_two_descents_is_one_landing():

@@ -88,7 +88,10 @@ def find_study_landings(
         status_<foot> and common_<foot>_s, which is the same in all rows, and NaN for
         the printed methods. down_<foot>_s is when the foot reached the floor, as far as
         the method knows: the contact by the kink fit, else the instant at which the
-        foot's height says so. In all rows, method.
+        foot's height says so. In all rows, method. With `of_feet` also
+        marker_<foot>, the name of the marker that touches first, empty where it is
+        unknown, and probability_<foot>, that it is the first, NaN where the foot has no
+        other.
 
     Raises
     ------
@@ -155,9 +158,8 @@ def _kink_contacts(
         )
         for n, in_order in zip(numbers, found, strict=True):
             of_markers = _contacts_in_order(in_order, np.argsort(order))
-            contacts[n] = with_processing(
-                descending[n].recording, _of_feet(of_markers, trials[n].foot_of)
-            )
+            processed = with_processing(descending[n].recording, of_markers)
+            contacts[n] = _of_feet(processed, trials[n].foot_of)
     return [one for one in contacts if one is not None]
 
 
@@ -254,23 +256,29 @@ def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
     instants = []
     errors = []
     statuses = []
+    markers = []
+    probabilities = []
     common = []
     for foot in feet:
         own = np.flatnonzero(np.equal(foot_of, foot))
         of_markers = contacts.instant[:, own]
-        instant, se, status = joined.first_of(
+        known = (
             of_markers,
             contacts.se[:, own],
             contacts.status[:, own],
             contacts.earliest[:, own],
         )
+        instant, se, status = joined.first_of(*known)
+        marker, probability = joined.first_marker(*known, contacts.common[own])
         instants.append(instant)
         errors.append(se)
         statuses.append(status)
+        markers.append(marker)
+        probabilities.append(probability)
         # The foot shares the error of the marker that touches first most often.
-        known = np.where(np.isfinite(of_markers), of_markers, np.inf)
+        touches = np.where(np.isfinite(of_markers), of_markers, np.inf)
         # Where no marker is timed, none is first.
-        first_marker = known.argmin(axis=1)[np.isfinite(of_markers).any(axis=1)]
+        first_marker = touches.argmin(axis=1)[np.isfinite(of_markers).any(axis=1)]
         usual_first = np.bincount(first_marker, minlength=1).argmax()
         common.append(contacts.common[own][usual_first])
     return replace(
@@ -279,4 +287,6 @@ def _of_feet(contacts: Contacts, foot_of: tuple[int, ...]) -> Contacts:
         se=np.stack(errors, axis=1),
         status=np.stack(statuses, axis=1),
         common=np.array(common),
+        marker=np.stack(markers, axis=1),
+        marker_probability=np.stack(probabilities, axis=1),
     )

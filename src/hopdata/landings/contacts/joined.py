@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.landings import schedules
 from hopdata.landings.contacts.descents import ALREADY_DOWN, LANDED, NOT_LANDED
+from hopdata.landings.contacts.judged import NO_MARKER
 from hopdata.recording import Recording
 
 
@@ -146,6 +148,38 @@ def first_of(
         sd = np.where(only_one, np.fmax(sd, other_sd), earlier_sd)
     known = found == LANDED
     return np.where(known, mean, np.nan), np.where(known, sd, np.nan), found
+
+
+def first_marker(
+    instant: FloatArray,
+    se: FloatArray,
+    status: IntArray,
+    earliest: FloatArray,
+    common: FloatArray,
+) -> tuple[IntArray, FloatArray]:
+    """Return which of p markers touches first (L,), and how probable that is (L,).
+
+    It is the one whose contact is earliest, `NO_MARKER` if none landed. The errors
+    `common` (p,), s, may differ between the markers of a foot, so that they count as
+    independent. A marker that does not land is not first. One that may have landed
+    unseen can have touched once it was low enough: at `earliest`, which is known no
+    better than the first contact. The probability is NaN without another marker.
+    """
+    landed = status == LANDED
+    touches = np.where(landed, instant, np.inf)
+    first = np.where(landed.any(axis=1), touches.argmin(axis=1), NO_MARKER)
+    is_known = first != NO_MARKER
+    probability = np.full(len(first), np.nan)
+    if status.shape[1] == 1:
+        return first, probability
+    may_touch = ~np.isin(status, (LANDED, NOT_LANDED))
+    touches = np.where(may_touch, earliest, touches)
+    of_first = np.take_along_axis(se, first[:, None], axis=1)
+    errors = np.hypot(np.where(landed, se, of_first), common)
+    probability[is_known] = schedules.first_probability(
+        touches[is_known], errors[is_known]
+    )
+    return first, probability
 
 
 def _earlier(

@@ -21,6 +21,9 @@ REFUTED = 2.0
 #: Unit: 1. Origin: convention: three sigmas.
 CHANCE_SIGMAS = 3.0
 
+# The marker of a foot of which none is known to touch.
+NO_MARKER = -1
+
 
 @dataclass(frozen=True)
 class Contacts:
@@ -46,6 +49,13 @@ class Contacts:
         When the foot reached the floor, by its height alone, s; empty for the kink fit,
         whose instants say it better. The printed methods need it, since the minima of a
         smoothed velocity lie some 20 ms ahead of the contact.
+    marker : (L, n) int array
+        Place of the marker that touches first among those of its foot; `NO_MARKER`
+        where none does. Empty where each foot has one marker, and for the printed
+        methods, to which a foot of several is one height.
+    marker_probability : (L, n) array
+        Probability that it is the first; NaN where none is, or the foot has no other.
+        Empty where `marker` is.
     """
 
     instant: FloatArray
@@ -55,6 +65,8 @@ class Contacts:
     common: FloatArray = field(default_factory=lambda: np.empty(0))
     earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     down: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    marker: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
+    marker_probability: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
 
 def frames_missing(

@@ -48,6 +48,9 @@ TOGETHER_S = 0.1
 #: Unit: s. Origin: chosen.
 SAME_S = 0.15
 
+# The row of the other contact of a foot that has no other.
+NO_OTHER = -1
+
 
 @dataclass(frozen=True)
 class Steps:
@@ -210,7 +213,7 @@ def landings_of(steps: Steps, n_feet: int) -> tuple[FloatArray, BoolArray]:
 
 def found_twice(
     steps: Steps, instant: FloatArray, se: FloatArray, status: IntArray
-) -> tuple[BoolArray, FloatArray]:
+) -> tuple[BoolArray, FloatArray, IntArray]:
     """Mark the contacts (L, n) that belong to a descent of a foot with a better one.
 
     The body and the foot may both show a landing, and each has its row then. Better is
@@ -232,8 +235,11 @@ def found_twice(
     twice : (L, n) bool array
     choice_s : (L, n) array
         Error of the better contact from the choice between the two, s; else 0.
+    other : (L, n) int array
+        Row of the other contact where there is such a choice; else `NO_OTHER`.
     """
     choice_s = np.zeros(instant.shape)
+    other = np.full(instant.shape, NO_OTHER)
     twice = np.zeros(instant.shape, dtype=bool)
     lands = np.isfinite(instant) & (status == descents.LANDED)
     for foot in range(instant.shape[1]):
@@ -265,7 +271,9 @@ def found_twice(
                 unexplained = max(apart_s**2 - se[worse, foot] ** 2, 0.0)
                 # The error is 0 or all of it, at even odds.
                 choice_s[kept, foot] = np.sqrt(unexplained / 2)
-    return twice, choice_s
+                if unexplained:
+                    other[kept, foot] = worse
+    return twice, choice_s, other
 
 
 def only_settles(steps: Steps, instant: FloatArray) -> BoolArray:

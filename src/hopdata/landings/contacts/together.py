@@ -7,13 +7,17 @@ of a trunk are in the file. What lands together must not: it is read off the ins
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.judged import Contacts
+from hopdata.landings.contacts.judged import NO_MARKER, Contacts
 from hopdata.landings.contacts.steps import TOGETHER_S
+
+Number = TypeVar("Number", np.float64, np.int64)
 
 # The row of a foot that was not timed in any row of its landing.
 NO_ROW = -1
@@ -76,6 +80,8 @@ def landed_together(
         se=_picked(contacts.se, picked),
         status=status,
         down=_picked(contacts.down, picked),
+        marker=_picked(contacts.marker, picked, none=NO_MARKER),
+        marker_probability=_picked(contacts.marker_probability, picked),
     )
     return ends, only_feet, grouped
 
@@ -154,9 +160,11 @@ def _status(group: _Group, first_of: list[int], status: IntArray) -> IntArray:
     return own
 
 
-def _picked(values: FloatArray, picked: IntArray) -> FloatArray:
+def _picked(
+    values: NDArray[Number], picked: IntArray, *, none: float = np.nan
+) -> NDArray[Number]:
     """Return values (L, n) of the rows that are picked for each foot, (G, n)."""
     if not values.size:
         return values
-    none = np.full((1, values.shape[1]), np.nan)  # the last row, which is `NO_ROW`
-    return np.take_along_axis(np.concatenate([values, none]), picked, axis=0)
+    last = np.full_like(values[:1], none)  # the last row, which is `NO_ROW`
+    return np.take_along_axis(np.concatenate([values, last]), picked, axis=0)
