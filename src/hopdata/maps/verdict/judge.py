@@ -379,7 +379,6 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     contact_spread = inputs.contact_spread(measured.instants[measured.known()])
     spreads = reading.least_time_constant(over_landings.upper_bound / margin)
     jump = sizes.jump
-    jump_bound = which.largest_high(sizes.orders, which.OF_JUMP)
 
     answer = _answer(
         reading,
@@ -448,7 +447,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         holds_from=_scaled(spreads, contact_spread),
         twice_high_from=_scaled(half_shown, contact_spread),
         jump=jump,
-        jump_bound=jump_bound,
+        jump_bound=which.largest_high(sizes.orders, which.OF_JUMP),
         decided_by=answer.decided_by,
         landings_needed=answer.landings_needed,
         contacts_r2=landings.foretold,

@@ -208,8 +208,9 @@ class KinkFit:
     def kinks_beside_jumps(self) -> "KinkFit":
         """Return the kinks as they stand beside the steps.
 
-        Without the steps, a jump is left in the residuals of the kinks. It is a function
-        of the inputs, so that random signs do not show by how much it moves the kinks.
+        Without the steps, a jump is left in the residuals of the kinks. It is a
+        function of the inputs, so that random signs do not show by how much it moves
+        the kinks.
         """
         jumps = self.jumps
         if self.smooth is None or self.shown is None:
