@@ -371,6 +371,9 @@ def _of_sections(
         ),
         forward_of(config),
     ]
+    if facts["after_contacts"]:
+        after = {"after": facts["after_contacts"]}
+        said.insert(1, Message("report.methods_after_contacts", after))
     if facts["pre_given"] and facts["post_given"]:
         said.append(Message("report.methods_heights_given"))
     elif facts["printed_rule"]:

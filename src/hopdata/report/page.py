@@ -42,6 +42,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body;
         ``n_landings``, those in which a foot of the study lands; ``n_not_landed``, the
         others; ``n_used`` of the landings and ``n_excluded``, the rest of them;
+        ``after_contacts``, from the last contact to the post section (median);
         ``n_schedules`` among those used. Texts with units (``pre, post, travel,
         min_threshold, max_threshold, bandwidth, units, spread``; by the other rule
         ``beside_pre, beside_post``; shares of the landings ``pre_held, post_held``).
@@ -143,6 +144,7 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
         "n_excluded": None,
         "n_schedules": None,
         "spread": None,
+        "after_contacts": None,
     }
     table = inputs.touchdowns
     if table is None:
@@ -158,6 +160,9 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
     counts["n_schedules"] = int(used["schedule"].replace("", None).nunique())
     if len(used):
         counts["spread"] = _shown(used["spread_s"].median(), 1e3, "ms")
+        last_s = used.filter(regex="^contact_.*_s$").max(axis=1)
+        after_s = (used["t_post_s"] - last_s).median()
+        counts["after_contacts"] = _shown(after_s, 1e3, "ms")
     return counts
 
 
@@ -473,8 +478,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[Card]:
         frames = Message("report.frames", {"frames": show.count(facts["n_frames"])})
     between = None
     if facts["travel"]:
-        heights = {"pre": facts["pre"], "post": facts["post"]}
-        between = Message("report.between_sections", heights)
+        between = _between_sections(facts)
     weigh = None
     if facts["units"]:
         weigh = Message("report.weigh_the_same")
@@ -500,6 +504,16 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[Card]:
             remark = Message("report.right_of_all", {"of_all": of_all})
         cards.append(_card("right", share, remark, name))
     return cards
+
+
+def _between_sections(facts: Mapping[str, Any]) -> Message:
+    """Say where the map begins and ends, and how long after the last contact."""
+    heights = {"pre": facts["pre"], "post": facts["post"]}
+    between = Message("report.between_sections", heights)
+    if not facts["after_contacts"]:
+        return between
+    after = Message("report.after_contacts", {"after": facts["after_contacts"]})
+    return Message("report.both", {"one": between, "other": after})
 
 
 def _orders_remark(
