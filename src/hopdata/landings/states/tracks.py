@@ -158,7 +158,7 @@ def moments(
         Moments of as many windows as fit into `LARGEST` entries, all with the same
         polynomials.
     """
-    width = int(np.max(windows.stop - windows.start, initial=1))
+    width = _longest(windows)
     first, last = _span(time, windows)
     basis = _Basis(
         powers=_polynomials(degree, first, last),
@@ -172,7 +172,8 @@ def moments(
     # Without any windows there is one empty block, since callers join the blocks.
     for first_row in range(0, max(n_windows, 1), size):
         block = np.arange(n_windows)[first_row : first_row + size]
-        seen = _seen(time, body, windows.some(block))
+        # Sums round by their length, so all blocks have that of the longest window.
+        seen = _seen(time, body, windows.some(block), width)
         yield _moments(seen, block, basis)
 
 
@@ -261,7 +262,7 @@ def _farthest_out(time: FloatArray, body: FloatArray, windows: Windows) -> int:
     The longest arm gives the most accurate direction.
     """
     some = windows.some(evenly(len(windows.near), LOOK_AT))
-    lengths = _seen(time, body, some).lengths
+    lengths = _seen(time, body, some, _longest(some)).lengths
     if not len(lengths):
         return 0
     return int(np.argmax(np.median(lengths, axis=0)))
@@ -292,9 +293,13 @@ def _moments(seen: _Seen, rows: IntArray, basis: _Basis) -> Moments:
     )
 
 
-def _seen(time: FloatArray, body: FloatArray, windows: Windows) -> _Seen:
-    """Cut the frames of the windows out of a recording."""
-    width = np.max(windows.stop - windows.start, initial=1)
+def _longest(windows: Windows) -> int:
+    """Return the number of frames of the longest window."""
+    return int(np.max(windows.stop - windows.start, initial=1))
+
+
+def _seen(time: FloatArray, body: FloatArray, windows: Windows, width: int) -> _Seen:
+    """Cut the frames of the windows, at most `width` of each, out of a recording."""
     frames = windows.start[:, None] + np.arange(width)
     inside = (frames < windows.stop[:, None]) & (frames >= 0) & (frames < len(time))
     frames = np.clip(frames, 0, len(time) - 1)
