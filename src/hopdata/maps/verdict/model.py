@@ -67,12 +67,12 @@ OF_FOURTH = 4.0
 OF_SPREAD = 2.2
 
 #: Apparent jump that residual smooth terms may cause.
-#: Unit: share of the map. Origin: chosen, and measured that it suffices: no jump is
+#: Unit: share of the map. Origin: chosen: it suffices, since no jump is
 #: named in 60 studies with a C1 map or kinks that last (docs/verdict_campaign.md).
 LEFT_OF_JUMPS = 0.05
 
 #: The same where contacts lie far apart, as a share of `KinkFit.allowed`.
-#: Unit: 1. Origin: as of `LEFT_OF_JUMPS`.
+#: Unit: 1. Origin: chosen: as `LEFT_OF_JUMPS`.
 OF_ALLOWED = 0.1
 
 #: Part of a true difference that smooth terms may hide, as a share of `allowed`.
