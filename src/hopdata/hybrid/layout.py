@@ -311,11 +311,11 @@ SENTENCES = {
     "falls below what floating-point numbers resolve (a Zeno sequence, chattering, or "
     "handlers that push guards across without an end, as one does that acts at rises "
     "and falls alike: let it look at direction, or give System(directions=...)).",
-    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the "
-    "field or the state, one of them turns another back, or a handler leaves the state "
-    "on the surface of another guard from this start only: the share of each guard, "
-    "and therefore the Jacobian of the flow, is unknown. Each order has its own: see "
-    "`first_order.bouligand_derivative` (docs/integrator_reference.md, Is it one "
+    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their order matters, or their "
+    "handlers change the field or the state, one of them turns another back, or a "
+    "handler leaves the state on the surface of another guard from this start only: "
+    "the Jacobian of the flow does not exist or is unknown. Each order has its own: "
+    "see `first_order.bouligand_derivative` (docs/integrator_reference.md, Is it one "
     "smooth map?). Impacts with friction: docs/sliding.md, A foot that lands.",
     INSTANTS_IN_JACOBIAN: "The field jumps at {at}, at an instant that moves with the "
     "parameters in more than one way: two such instants meet there, or t_span begins "

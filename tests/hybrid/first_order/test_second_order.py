@@ -68,7 +68,9 @@ def test_pushes_that_add_have_the_form():
     assert found.is_fopas
     grouped = found.fopas[1]
     assert grouped.value == 2
-    assert grouped.detail.endswith("0 with its velocity 2, 1 with its velocity 3")
+    assert grouped.detail.endswith(
+        "y[0] with its velocity y[2], y[1] with its velocity y[3]"
+    )
     lines = str(found).split("\n")
     assert "(FoPAS), sufficient for C1 and not necessary" in lines[-6]
     assert [line[:3] for line in lines[-5:-1]] == ["yes"] * 4

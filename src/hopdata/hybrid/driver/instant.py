@@ -30,7 +30,6 @@ from hopdata.hybrid.driver.jacobian import (
     TOGETHER,
     first_order,
     on_another,
-    on_surface,
 )
 from hopdata.hybrid.driver.log import Log, begin_event, end_event, is_full
 from hopdata.hybrid.driver.resets import keep
@@ -328,7 +327,7 @@ def look_anew(p: problem.Problem, m: Memory, k: int, resolution: float) -> None:
 def kind_of_flip(p: problem.Problem, m: Memory, k: int, resolution: float) -> int:
     """Return how guard k, the next one, comes to flip, for the Jacobian of the flow."""
     at_start = m.clock[at.T] == p.t_start and m.counts[at.CASCADE] == 0
-    if at_start and not on_surface(m, k, resolution):
+    if at_start and not problem.on_surface(m, k, resolution):
         return PAST_AT_START
     meets_surface = on_another(m, resolution)
     if m.counts[at.CASCADE] > 0 and not meets_surface:
@@ -367,7 +366,7 @@ def all_follow(m: Memory, k: int, margin: float, resolution: float) -> bool:
     So they flip as well, unless the guard neither slides nor crosses. `margin` is its
     rate away from the surface.
     """
-    slides = not on_surface(m, k, resolution)  # its value is set apart
+    slides = not problem.on_surface(m, k, resolution)  # its value is set apart
     return slides or margin > 0.0
 
 

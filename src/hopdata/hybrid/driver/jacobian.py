@@ -5,9 +5,9 @@ dh/dt), with the fields f- before and f+ after it, and the reset R of the handle
 (Aizerman and Gantmakher 1958; Kong et al. 2024). If several guards meet their surfaces
 at one instant, they are passed in the order in which they flip, and each is assigned
 the field selected by the locks so far. This is the derivative if the order does not
-matter. It may matter if a handler changes state or field there, or if one guard's flip
-turns another one back: then there is no derivative. The change of the field by a single
-guard's handler (through the memory, for instance) is attributed to that guard. Guards
+matter (`orders`). If it does, or if a handler changes state or field there, or if one
+guard's flip turns another one back, there is no derivative. The change of the field by
+a single guard's handler (through the memory, for instance) is its own. Guards
 that a reset pushes across flip at that moment. They have no instant of their own, and
 therefore no projection. The same holds for a guard that a reset puts exactly onto its
 surface, as a plastic impact that ends in sticking does with the slip of a foot, if it
@@ -21,12 +21,14 @@ from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.compiled.memory import address_of
 from hopdata.hybrid.driver import moving_instants as moving
+from hopdata.hybrid.driver.orders import NO_JUMP, order_matters
 from hopdata.hybrid.driver.problem import (
     Problem,
-    blur,
     copy_row,
     fill_row,
     has_flipped,
+    on_surface,
+    time_resolution,
 )
 from hopdata.hybrid.driver.slopes import gradient_of, passes, row_address, size_of
 from hopdata.hybrid.driver.tangents import single
@@ -70,12 +72,6 @@ def first_order(
     return call_first_order(p.first_order, p.here, part, dt, which, k, way)
 
 
-#: Jump of the field that counts as none.
-#: Unit: 1, of the field. Origin: chosen: what the field may change by within the
-#: rounding of an instant, of motions as fast as 1e5 per unit of the time.
-NO_JUMP = 1e-10
-
-
 @kernel
 def add_jump(p: Problem, m: Memory) -> None:
     """Add (f_after - f_before) ALONG to the Jacobian; f_after becomes f_before."""
@@ -90,13 +86,6 @@ def add_jump(p: Problem, m: Memory) -> None:
         if jump != 0.0:  # most entries are zero where a force comes or goes
             for j in range(n):
                 phi[i, j] += jump * phi[along, j]
-
-
-@kernel
-def on_surface(m: Memory, k: int, resolution: float) -> bool:
-    """Return whether guard k is on its surface to within rounding."""
-    noise = blur(m.guards[at.SIZE, k], m.guards[at.RATE0, k], resolution)
-    return abs(m.guards[at.H0, k]) <= noise
 
 
 @kernel
@@ -159,6 +148,10 @@ def saltate(p: Problem, m: Memory, k: int, kind: int) -> int:
     if kind == PUT:
         follows = puts_neighbours(p, m, k)
         return at.RUNNING if follows else at.TIE_IN_JACOBIAN
+    if kind == TOGETHER:
+        resolution = time_resolution(m.clock[at.T], 0.0)
+        if order_matters(p, m, resolution):
+            return at.TIE_IN_JACOBIAN
     status = passes(p, m, k)
     if kind == TOGETHER:
         p.mode[k] = -p.mode[k]  # a trial: the guard flips later

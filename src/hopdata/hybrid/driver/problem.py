@@ -485,6 +485,13 @@ def has_flipped(m: Memory, k: int) -> bool:
 
 
 @kernel
+def on_surface(m: Memory, k: int, resolution: float) -> bool:
+    """Return whether guard k is on its surface to within rounding."""
+    noise = blur(m.guards[at.SIZE, k], m.guards[at.RATE0, k], resolution)
+    return abs(m.guards[at.H0, k]) <= noise
+
+
+@kernel
 def is_marked(m: Memory, k: int) -> bool:
     """Return whether guard k is in DUE."""
     found = 0

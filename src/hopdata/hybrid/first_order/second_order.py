@@ -122,7 +122,8 @@ def why_not_positions(
         allowed = tolerance * np.maximum(scale[chosen], np.abs(rates).max(axis=0))
         changed = np.flatnonzero(np.ptp(rates, axis=0) > allowed)
         if len(changed) > 0:
-            return f"contacts change the rate of position {chosen[changed[0]]} directly"
+            first = chosen[changed[0]]
+            return f"y[{first}] is none, as contacts change its rate itself"
         slopes = local.derivative_of_field(system, place, scale)[chosen]
         if not np.linalg.cond(slopes[:, others] * scale[others]) < SINGULAR:
             return f"the rates of {chosen} do not determine the other coordinates"
@@ -155,7 +156,7 @@ def _grouped(
         listed = f"{chosen}, as given"
     elif 2 * len(pairs) == n and set(pairs.values()).isdisjoint(pairs):
         chosen = list(pairs)
-        listed = ", ".join(f"{i} with its velocity {k}" for i, k in pairs.items())
+        listed = ", ".join(f"y[{i}] with its velocity y[{k}]" for i, k in pairs.items())
     else:
         chosen = list(range(n // 2))
         listed = "the first half, and the others their velocities"
@@ -163,7 +164,7 @@ def _grouped(
     what = "coordinates that are positions"
     why = why_not_positions(system, places, fields, scale, tolerance, chosen)
     if why:
-        detail = f"{what}: {why} ({OTHERWISE})"
+        detail = f"{what}: tried {listed}; {why} ({OTHERWISE})"
         if 2 * len(set(chosen)) != n or not set(chosen) <= set(range(n)):
             chosen = []
         return Finding(GROUPED, False, 0.0, needed, detail), chosen

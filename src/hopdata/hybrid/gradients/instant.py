@@ -11,10 +11,10 @@ from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.gradients.event import event_back
 from hopdata.hybrid.gradients.onto_surface import flips_before, neighbours_follow
 from hopdata.hybrid.gradients.recorders import Recorders
-from hopdata.hybrid.gradients.surface import has_met
+from hopdata.hybrid.gradients.surface import MET, has_met
 from hopdata.hybrid.gradients.sweep import begin_tape, is_full
 from hopdata.hybrid.gradients.together import together_back
-from hopdata.hybrid.gradients.user_functions import field_value
+from hopdata.hybrid.gradients.user_functions import field_value, guards
 from hopdata.hybrid.gradients.workspace import (
     F_BEFORE,
     TAPE_FULL,
@@ -65,6 +65,38 @@ def n_met(code: Recorders, room: Room, run: Run, instant: FlipInstant) -> int:
     return total
 
 
+@kernel
+def flips_here(flips: Flips, instant: FlipInstant, k: int) -> bool:
+    """Return whether guard k flips at an instant."""
+    found = False
+    for e in range(instant.first, instant.last):
+        found = found or flips.guard[e] == k
+    return found
+
+
+@kernel_apart
+def turns_another_back(
+    code: Recorders, room: Room, run: Run, instant: FlipInstant
+) -> bool:
+    """Return whether a guard has met its surface at an instant, and does not flip.
+
+    The flip of another one turns it back. Neighbours that meet it first cross it.
+    """
+    first = instant.first
+    y = run.flips.before[first]
+    mode = run.replayed.mode[first]
+    begin_tape(room, run.replayed.params[first])
+    field_value(code, room, instant.t, y, mode, F_BEFORE)
+    guards(code, room, instant.t, y, mode)
+    for k in range(len(room.h)):
+        rate = room.hdot[k, 0]
+        approaches = rate * mode[k] < 0.0
+        met = abs(room.h[k, 0]) <= MET * instant.since * abs(rate)
+        if approaches and met and not flips_here(run.flips, instant, k):
+            return True
+    return False
+
+
 @kernel_apart
 def instant_back(
     code: Recorders,
@@ -83,7 +115,7 @@ def instant_back(
     together = False
     if instant.last - instant.first > 1:
         together = n_met(code, room, run, instant) > 1
-    if together and ends:
+    if (together and ends) or turns_another_back(code, room, run, instant):
         status = at.TIE_IN_JACOBIAN
     elif together:
         status = together_back(code, room, run, instant, found)

@@ -11,7 +11,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver import moving_instants as moving
-from hopdata.hybrid.driver.jacobian import NO_JUMP
+from hopdata.hybrid.driver.orders import NO_JUMP
 from hopdata.hybrid.gradients.known import Known
 from hopdata.hybrid.gradients.recorders import Recorders
 from hopdata.hybrid.gradients.sweep import is_full

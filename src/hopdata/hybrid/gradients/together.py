@@ -1,8 +1,9 @@
 """Back across the flips of guards that met their surfaces at the same instant.
 
 Each is passed with the field between the flips before and after it, as the driver's
-Jacobian has it (`driver.jacobian`). Handlers must then leave the state alone, and no
-guard may turn another back: otherwise there is no derivative, and the status says so.
+Jacobian has it (`driver.jacobian`). Handlers must then leave the state alone, no guard
+may turn another back, and all orders must agree (`orders`): otherwise there is no
+derivative, and the status says so.
 """
 
 from hopdata.arrays import FloatArray
@@ -10,6 +11,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import copy, kernel, kernel_apart
 from hopdata.hybrid.gradients.event import handler_back
 from hopdata.hybrid.gradients.losses import lose_at_event
+from hopdata.hybrid.gradients.orders import order_matters
 from hopdata.hybrid.gradients.recorders import Recorders
 from hopdata.hybrid.gradients.surface import meeting_back
 from hopdata.hybrid.gradients.sweep import (
@@ -133,6 +135,8 @@ def together_back(
     Returns a status. The losses of events are added to `found[0]`.
     """
     t = instant.t
+    if order_matters(code, room, run, instant):
+        return at.TIE_IN_JACOBIAN
     for e in range(instant.last - 1, instant.first - 1, -1):
         begin_tape(room, run.replayed.params[e])
         value, by_time = lose_at_event(code, room, t, run.flips, e, run.n_shown)
