@@ -76,13 +76,20 @@ def forked(monkeypatch):
 
 @pytest.fixture
 def served(monkeypatch):
-    """Let files be read by one server, which is quick for many of them.
-
-    On some damaged files the HDF5 library hangs, so time is short.
-    """
-    from hopdata.foreign import apart, budget
+    """Let files be read by one server, which is quick for many of them."""
+    from hopdata.foreign import apart
 
     monkeypatch.setattr(apart, "may_fork", lambda: False)
+
+
+@pytest.fixture
+def impatient(monkeypatch):
+    """Give a file little time: on some damaged files the HDF5 library hangs.
+
+    A sound file may need more, as its reader imports a library first.
+    """
+    from hopdata.foreign import budget
+
     monkeypatch.setattr(budget, "LEAST_S", 0.2)
 
 

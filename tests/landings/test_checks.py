@@ -14,8 +14,10 @@ from hopdata.landings.checks import (
     check_study,
 )
 from hopdata.landings.contacts.altered import FILTER_DELAYS
+from hopdata.landings.exclusion import POST_NEVER_REACHED
 from hopdata.messages import Message
 
+TOO_LATE = Message(POST_NEVER_REACHED).text()
 WHAT = {
     "seen": "frames seen, worst marker",
     "faults": "swaps, spikes, jumps, frozen, time",
@@ -55,7 +57,7 @@ def tables():
             "probability": [1.0] * 10,
             "order_class": ["1>2"] * 10,
             "excluded": [False] * 9 + [True],
-            "reason": [""] * 9 + ["late"],
+            "reason": [""] * 9 + [TOO_LATE],
         }
     )
     stability = pd.DataFrame(
@@ -134,7 +136,7 @@ def test_good_data_are_good(tables):
     assert {c.status for c in found.values()} == {GOOD}
     assert found[WHAT["seen"]].value == pytest.approx(99.8)  # the boom does not count
     assert found[WHAT["sections"]].value == pytest.approx(1.0)
-    assert "late (1)" in found[WHAT["used"]].remark
+    assert f"{TOO_LATE} (1)" in found[WHAT["used"]].remark
 
 
 @pytest.mark.parametrize(
@@ -286,12 +288,23 @@ def test_a_study_without_touchdowns_has_no_good_landings(tables):
 def test_landings_of_feet_that_are_not_followed_do_not_count(
     tables, other_feet, value, status
 ):
-    landed = ["", "", "", "", "late"]
+    landed = ["", "", "", "", TOO_LATE]
     tables["touchdowns"]["reason"] = landed + ["no foot of the study landed"] * 5
     tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
     found = judged(tables, other_feet=other_feet)[WHAT["used"]]
     assert (found.value, found.status) == (value, status)
     assert ("5 more descents, of other feet" in found.remark) == other_feet
+
+
+@pytest.mark.parametrize("by_hand", [3, 10])
+def test_landings_left_out_by_hand_do_not_count(tables, by_hand):
+    reasons = ["by hand: tripped"] * by_hand + [TOO_LATE, *[""] * 9]
+    tables["touchdowns"]["reason"] = reasons[:10]
+    tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
+    found = judged(tables)[WHAT["used"]]
+    expected = None if by_hand == 10 else pytest.approx(600 / 7)
+    assert found.value == expected
+    assert f"; not counted: {by_hand} left out by hand" in found.remark
 
 
 def test_no_landing_of_any_followed_foot_is_poor(tables):

@@ -29,7 +29,9 @@ def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
 
 
 @pytest.mark.parametrize("part", range(5))
-def test_a_damaged_file_gives_a_recording_or_a_message(sound, tmp_path, part, served):
+def test_a_damaged_file_gives_a_recording_or_a_message(
+    sound, tmp_path, part, served, impatient
+):
     names, refused = list(sound), 0
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # includes warnings of other libraries

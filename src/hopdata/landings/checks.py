@@ -17,6 +17,7 @@ from hopdata.arrays import pd
 from hopdata.errors import counted, with_names
 from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.landings.contacts.remarks import one_for_all_feet
+from hopdata.landings.exclusion import reason_of
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message, without_exponent
 
@@ -278,6 +279,8 @@ def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> 
         values = {"reason": NO_FOOT_LANDED, "descents": len(of_others)}
         return _check(USED, 0.0, Message("landings.none_landed", values))
     touchdowns = touchdowns[~of_others]
+    by_hand = _by_hand(touchdowns)
+    touchdowns = touchdowns[~by_hand]
     out = touchdowns["excluded"].astype(bool)
     code = "landings.landings_used" if other_feet else "landings.descents_used"
     used_values = {"used": int((~out).sum()), "count": len(out)}
@@ -292,14 +295,27 @@ def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> 
     if of_others.any():
         values = {"descents": int(of_others.sum())}
         remarks.append(Message("landings.and_of_other_feet", values))
+    if by_hand.any():
+        values = {"landings": int(by_hand.sum())}
+        remarks.append(Message("landings.and_by_hand", values))
     first_contact = touchdowns.filter(regex="^contact_.*_s$").min(axis=1)
     ahead_s = touchdowns["t_pre_s"] - first_contact
     continued_s = ahead_s[~out & (ahead_s > 0)]
     if len(continued_s):
         values = {"count": len(continued_s), "most_ms": 1e3 * float(continued_s.max())}
         remarks.append(Message("landings.and_flights_continued", values))
-    share = 100.0 * float((~out).mean())
+    share = 100.0 * float((~out).mean()) if len(out) else None
     return _check(USED, share, *remarks, *unseen)
+
+
+def _by_hand(touchdowns: pd.DataFrame) -> pd.Series[bool]:
+    """Return which touchdowns the user has left out, for a reason of their own."""
+    columns = touchdowns.filter(regex="^contact_.*_s$").columns
+    feet = [name.removeprefix("contact_").removesuffix("_s") for name in columns]
+    out = touchdowns["excluded"].astype(bool)
+    reasons = touchdowns.loc[out, "reason"].unique()
+    own_words = [words for words in reasons if reason_of(words, feet) is None]
+    return out & touchdowns["reason"].isin(own_words)
 
 
 def _used_touchdowns(touchdowns: pd.DataFrame) -> pd.DataFrame:

@@ -256,7 +256,9 @@ def test_wrong_content_is_told_with_what_was_expected(
         (read_truth if key.startswith("truth") else read_recording)(path)
 
 
-def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth, served):
+def test_damaged_bytes_are_never_another_error(
+    tmp_path, recording, truth, served, impatient
+):
     path = tmp_path / "a.h5"
     write_recording(path, recording, truth)
     unsealed(path)  # or none of the damaged bytes would reach the library
