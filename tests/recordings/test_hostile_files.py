@@ -53,12 +53,10 @@ def endless(sound):
 def test_a_file_without_end_is_refused_and_the_next_one_is_read(
     sound, endless, served, monkeypatch, read
 ):
-    with (
-        monkeypatch.context() as impatient,
-        pytest.raises(RecordingError, match=r"endless\.h5: .*goes on") as caught,
-    ):
+    with monkeypatch.context() as impatient:
         impatient.setattr(budget, "LEAST_S", 0.2)
-        read(endless)
+        with pytest.raises(RecordingError, match=r"endless\.h5: .*goes on") as caught:
+            read(endless)
     assert caught.value.code == "foreign.time"
     assert read(sound).markers == ("a", "b")
 
