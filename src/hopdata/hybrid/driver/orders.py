@@ -13,9 +13,12 @@ flipped (Aizerman and Gantmakher 1958; Burden et al. 2016). Then all orders agre
 any order becomes any other by exchanges of neighbours.
 """
 
+from typing import NamedTuple
+
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
+from hopdata.hybrid.compiled.memory import FloatTable
 from hopdata.hybrid.driver.problem import (
     Problem,
     copy_row,
@@ -41,10 +44,29 @@ NO_JUMP = 1e-10
 #: Unit: 1. Origin: chosen: six have 16 sets with each of their 15 pairs.
 MOST_AT_ONCE = 6
 
-# Rows of the tangent's table that are free while a guard is passed: the fields before
-# both flips, after one of them, and after both; the derivatives of both guards.
-NONE, FIRST, SECOND, BOTH = at.PHI_SLOPE, at.PHI_SHIFTED, at.COLUMN, at.F_AFTER
-FIRST_GUARD, SECOND_GUARD = at.ALONG, at.GRADIENT
+
+class Rows(NamedTuple):
+    """Rows of a table in which two guards' flips are compared.
+
+    The fields without a flip, after that of the first guard, of the second, and of
+    both; the guards' derivatives by the states; and the sizes of the states.
+    """
+
+    none: int
+    first: int
+    second: int
+    both: int
+    first_guard: int
+    second_guard: int
+    sizes: int
+
+
+@kernel
+def rate_by(table: FloatTable, gradient: int, field: int, n: int, rate: float) -> float:
+    """Return a guard's rate along a field; `rate` is its derivative by the time."""
+    for i in range(n):
+        rate += table[gradient, i] * table[field, i]
+    return rate
 
 
 @kernel
@@ -63,56 +85,77 @@ def jumps_in_order(
 
 
 @kernel
-def rate_by(p: Problem, m: Memory, gradient: int, rate: float, field: int) -> float:
-    """Return a guard's rate along the field in row `field`; it is `rate` along f-."""
-    phi = p.tangent
-    before = single(m, at.F_BEFORE)
-    for i in range(m.states.width):
-        rate += phi[gradient, i] * (phi[field, i] - phi[before, i])
-    return rate
-
-
-@kernel
-def field_here(p: Problem, m: Memory, row: int) -> None:
-    """Write the field of the present locks into a single row."""
-    m.counts[at.NFEV] += 1
-    into = single(m, row)
-    code.call_field(
-        p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, p.tangent, into
-    )
-
-
-@kernel
 def same_either_way(
-    p: Problem, m: Memory, rate: float, other: float, later: float, other_later: float
+    table: FloatTable, rows: Rows, n: int, by_time: float, other_by_time: float
 ) -> bool:
-    """Return whether two guards' flips change the flow alike in either order.
+    """Return whether two guards' flips change the flow of n states alike either way.
 
-    `rate` and `other` are the guards' rates before both flips, `later` and
-    `other_later` those after the flip of the other one.
+    `by_time` and `other_by_time` are the guards' derivatives by the time. Where a flip
+    turns the other guard back, they do not.
     """
-    phi = p.tangent
-    n = m.states.width
+    rate = rate_by(table, rows.first_guard, rows.none, n, by_time)
+    other = rate_by(table, rows.second_guard, rows.none, n, other_by_time)
+    later = rate_by(table, rows.first_guard, rows.second, n, by_time)
+    other_later = rate_by(table, rows.second_guard, rows.first, n, other_by_time)
+    if not (rate * later > 0.0 and other * other_later > 0.0):
+        return False
     moved = 0.0
     apart = 0.0
     rounding = 0.0
     for i in range(n):
-        none = phi[single(m, NONE), i]
-        both = phi[single(m, BOTH), i]
-        one = phi[single(m, FIRST), i]
+        none = table[rows.none, i]
+        both = table[rows.both, i]
+        one = table[rows.first, i]
         a, b = jumps_in_order(none, one, both, rate, other, other_later)
-        one = phi[single(m, SECOND), i]
+        one = table[rows.second, i]
         b_first, a_second = jumps_in_order(none, one, both, other, rate, later)
-        size = size_of(p, m, i, m.states[at.Y, i])
         for j in range(n):
-            scale = size_of(p, m, j, m.states[at.Y, j]) / size
-            by_a = phi[single(m, FIRST_GUARD), j] * scale
-            by_b = phi[single(m, SECOND_GUARD), j] * scale
+            scale = table[rows.sizes, j] / table[rows.sizes, i]
+            by_a = table[rows.first_guard, j] * scale
+            by_b = table[rows.second_guard, j] * scale
             moved = max(moved, abs(a * by_a + b * by_b))
             apart = max(apart, abs((a - a_second) * by_a + (b - b_first) * by_b))
             whole = max(abs(none), abs(both))
             rounding = max(rounding, whole * (abs(by_a / rate) + abs(by_b / other)))
     return apart <= SAME_ORDER * moved + NO_JUMP * rounding
+
+
+# What follows compares the guards in DUE, in rows of the tangent's table that are free
+# while a guard is passed.
+
+
+@kernel
+def rows_of(m: Memory) -> Rows:
+    """Return the rows in which guards are compared."""
+    return Rows(
+        none=single(m, at.PHI_SLOPE),
+        first=single(m, at.PHI_SHIFTED),
+        second=single(m, at.COLUMN),
+        both=single(m, at.F_AFTER),
+        first_guard=single(m, at.ALONG),
+        second_guard=single(m, at.GRADIENT),
+        sizes=single(m, at.PHI_VALUES),
+    )
+
+
+@kernel
+def field_here(p: Problem, m: Memory, row: int) -> None:
+    """Write the field of the present locks into a row."""
+    m.counts[at.NFEV] += 1
+    t = m.clock[at.T]
+    code.call_field(p.field, t, m.states, at.Y, p.mode, p.params, p.tangent, row)
+
+
+@kernel
+def by_time_of(p: Problem, m: Memory, k: int) -> float:
+    """Write guard k's derivative by the states into GRADIENT; return that by time."""
+    phi = p.tangent
+    before = single(m, at.F_BEFORE)
+    gradient = single(m, at.GRADIENT)
+    by_time = gradient_of(p, m, k)
+    for i in range(m.states.width):
+        by_time -= phi[gradient, i] * phi[before, i]
+    return by_time
 
 
 @kernel
@@ -128,27 +171,24 @@ def commute(p: Problem, m: Memory, a: int, b: int, flipped: int) -> bool:
     Both stand in DUE. Those guards there whose bits are set in `flipped` have flipped.
     """
     phi = p.tangent
-    rate_a = gradient_of(p, m, a)
-    copy_row(phi, single(m, at.GRADIENT), phi, single(m, FIRST_GUARD))
-    rate_b = gradient_of(p, m, b)
+    n = m.states.width
+    rows = rows_of(m)
+    by_time_a = by_time_of(p, m, a)
+    copy_row(phi, rows.second_guard, phi, rows.first_guard)
+    by_time_b = by_time_of(p, m, b)
     flip_set(p, m, flipped)
-    field_here(p, m, NONE)
+    field_here(p, m, rows.none)
     flip_lock(p, a)
-    field_here(p, m, FIRST)
+    field_here(p, m, rows.first)
     flip_lock(p, b)
-    field_here(p, m, BOTH)
+    field_here(p, m, rows.both)
     flip_lock(p, a)
-    field_here(p, m, SECOND)
+    field_here(p, m, rows.second)
     flip_lock(p, b)
     flip_set(p, m, flipped)
-    gradient_a = single(m, FIRST_GUARD)
-    gradient_b = single(m, SECOND_GUARD)
-    before_a = rate_by(p, m, gradient_a, rate_a, single(m, NONE))
-    before_b = rate_by(p, m, gradient_b, rate_b, single(m, NONE))
-    later_a = rate_by(p, m, gradient_a, rate_a, single(m, SECOND))
-    later_b = rate_by(p, m, gradient_b, rate_b, single(m, FIRST))
-    crosses = before_a * later_a > 0.0 and before_b * later_b > 0.0
-    return crosses and same_either_way(p, m, before_a, before_b, later_a, later_b)
+    for i in range(n):
+        phi[rows.sizes, i] = size_of(p, m, i, m.states[at.Y, i])
+    return bool(same_either_way(phi, rows, n, by_time_a, by_time_b))
 
 
 @kernel

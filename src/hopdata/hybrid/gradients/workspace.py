@@ -147,10 +147,10 @@ class Room(NamedTuple):
     locked: IntArray  # the mode with a guard's new lock, (m,)
     limits: FloatArray  # first and last time that the field sees, (2,)
     event_loss: FloatArray  # derivatives by the states before and after it, (2, n)
-    rows: FloatArray  # plain numbers, (7, n), and what each holds:
+    rows: FloatArray  # plain numbers, (8, n), and what each holds:
 
 
-F_BEFORE, F_AFTER, GUARD_BY_STATE, AHEAD, SCRATCH, BY_STATE, KEPT = range(7)
+F_BEFORE, F_AFTER, GUARD_BY_STATE, AHEAD, SCRATCH, BY_STATE, KEPT, SIZES = range(8)
 
 
 def room_for(system: System, p: int, n_stages: int, places: int) -> Room:
@@ -182,5 +182,5 @@ def room_for(system: System, p: int, n_stages: int, places: int) -> Room:
         locked=np.zeros(system.n_modes, dtype=np.int64),
         limits=np.array([-np.inf, np.inf]),
         event_loss=np.zeros((2, n)),
-        rows=np.zeros((7, n)),
+        rows=np.zeros((8, n)),
     )
