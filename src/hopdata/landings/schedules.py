@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import permutations, product
 from math import sqrt
 
@@ -122,13 +122,7 @@ def order_probability(
     mean = np.take_along_axis(instants, order, axis=1)
     sd = np.take_along_axis(se, order, axis=1)
     mean -= mean[:, :1]  # at a clock time of 1.7e9 s, rounding would merge nodes
-    probability = np.full(len(instants), np.nan)
-    is_unknown = (np.isnan(instants) | np.isnan(se)).any(axis=1)
-    rows = np.flatnonzero(~is_unknown)
-    for first in range(0, len(rows), CHUNK):
-        chunk = rows[first : first + CHUNK]
-        probability[chunk] = _nested(mean[chunk], sd[chunk])
-    return probability
+    return _of_known(_nested, mean, sd)
 
 
 def first_probability(instants: FloatArray, se: FloatArray) -> FloatArray:
@@ -147,16 +141,24 @@ def first_probability(instants: FloatArray, se: FloatArray) -> FloatArray:
     (L,) array
         Probabilities; NaN where an instant or an error is NaN.
     """
-    probability = np.full(len(instants), np.nan)
-    is_unknown = (np.isnan(instants) | np.isnan(se)).any(axis=1)
     # Products round by their order, which must not be that of the feet.
     order = np.lexsort((se, instants), axis=1)
     mean = np.take_along_axis(instants, order, axis=1)
     sd = np.take_along_axis(se, order, axis=1)
-    rows = np.flatnonzero(~is_unknown)
+    return _of_known(_first, mean, sd)
+
+
+def _of_known(
+    integral: Callable[[FloatArray, FloatArray], FloatArray],
+    mean: FloatArray,
+    sd: FloatArray,
+) -> FloatArray:
+    """Return an integral (L,) for rows (L, n) of normals; NaN where one is unknown."""
+    probability = np.full(len(mean), np.nan)
+    rows = np.flatnonzero(~(np.isnan(mean) | np.isnan(sd)).any(axis=1))
     for first in range(0, len(rows), CHUNK):
         chunk = rows[first : first + CHUNK]
-        probability[chunk] = _first(mean[chunk], sd[chunk])
+        probability[chunk] = integral(mean[chunk], sd[chunk])
     return probability
 
 
