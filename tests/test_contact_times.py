@@ -209,6 +209,11 @@ def test_lags_are_those_of_all_recordings_or_of_some():
     assert found.lags().equals(found.lags(["near", "far"]))
     with pytest.raises(ArgumentError, match="near, far, found 'another'"):
         found.lags("another")
+    first = found.lags(landings=[1]).loc[0]
+    assert first["landings"] == len(found.recordings)
+    assert found.lags("near", landings=[1, 2]).loc[0, "landings"] == 2
+    with pytest.raises(ArgumentError, match="landings: expected numbers from 1 to"):
+        found.lags(landings=[99])
     assert contacts(walking(alternating())).lags().empty, "one foot after the other"
 
 

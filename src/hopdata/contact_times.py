@@ -146,7 +146,12 @@ class ContactTimes(Shown):
         """Return the median standard error of these, s; NaN without any."""
         return float(self.found["se_s"].median())
 
-    def lags(self, recordings: str | Sequence[str] | None = None) -> pd.DataFrame:
+    def lags(
+        self,
+        recordings: str | Sequence[str] | None = None,
+        *,
+        landings: Sequence[int] | None = None,
+    ) -> pd.DataFrame:
         """Return how long each foot touches before each other foot, over all landings.
 
         Parameters
@@ -154,6 +159,9 @@ class ContactTimes(Shown):
         recordings : str or sequence of str, optional
             Names of the recordings whose landings count, such as those of a condition;
             by default all.
+        landings : sequence of int, optional
+            Numbers of the landings that count in each recording, from 1: 1 is the drop
+            of a drop jump, 2 its rebound. By default all.
 
         Returns
         -------
@@ -172,7 +180,8 @@ class ContactTimes(Shown):
         Raises
         ------
         ArgumentError
-            If none of the recordings has one of these names.
+            If none of the recordings has one of these names, or none of them a landing
+            of these numbers.
 
         Examples
         --------
@@ -181,16 +190,23 @@ class ContactTimes(Shown):
         >>> len(hd.contacts(recording).lags())  # two of four feet
         6
         """
-        if recordings is None:
-            return lag_table(self.table, self.feet)
-        names = [recordings] if isinstance(recordings, str) else [*recordings]
-        known = [one.name for one in self.recordings]
-        for name in names:
-            if name not in known:
-                wanted = f"names among {', '.join(known)}"
-                raise ArgumentError.at("recordings", wanted, repr(name))
-        own = self.table[self.table["recording"].isin(names)]
-        return lag_table(own, self.feet)
+        chosen = self.table
+        if recordings is not None:
+            names = [recordings] if isinstance(recordings, str) else [*recordings]
+            known = [one.name for one in self.recordings]
+            for name in names:
+                if name not in known:
+                    wanted = f"names among {', '.join(known)}"
+                    raise ArgumentError.at("recordings", wanted, repr(name))
+            chosen = chosen[chosen["recording"].isin(names)]
+        if landings is not None:
+            is_one = chosen["landing"].isin([*landings])
+            if not is_one.any():
+                most = int(chosen["landing"].max()) if len(chosen) else 0
+                wanted = f"numbers from 1 to {most}"
+                raise ArgumentError.at("landings", wanted, repr([*landings]))
+            chosen = chosen[is_one]
+        return lag_table(chosen, self.feet)
 
     def events(self, recording: str | None = None) -> list[ContactEvent]:
         """Return the contacts of a recording as events, in order of time.

@@ -132,7 +132,7 @@ def _highlights(found: ContactTimes) -> list[tuple[str, str, str]]:
         common_s = found.found["common_s"].max()
         if np.isfinite(common_s):
             common = f"{without_exponent(1e3 * common_s)} ms"
-            remark = "at most, shared by all contacts of a foot"
+            remark = "the largest of a foot in a recording, whose contacts share it"
             facts.append(("Common error", common, remark))
     beside = [
         one for one in found.messages if one.code == "landings.contacts_beside_plates"

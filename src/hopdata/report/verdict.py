@@ -640,6 +640,9 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
     maps gain for the turn.
     """
     better = table[table["gain_low"] > 0.0]
+    differs = verdict.get("conclusion") == "different"
+    if better.empty and differs:
+        return Message("report.so_what_nothing_yet")
     if better.empty:
         return Message("report.so_what_nothing")
     share = better["gain"] / better["missed_by_one"]
