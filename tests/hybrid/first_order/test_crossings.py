@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guards, on_event, solve, together
-from hopdata.hybrid.first_order import NoDerivativeError, bouligand_derivative
+from hopdata.hybrid.first_order import (
+    NoDerivativeError,
+    bouligand_derivative,
+    check_c1,
+)
 
 
 @field
@@ -64,6 +68,10 @@ def test_a_law_that_the_neighbours_do_not_follow_leaves_no_derivative():
     system = System(free, gaps, swap, together=stop, **BALLS)
     with pytest.raises(NoDerivativeError, match="the flow jumps"):
         bouligand_derivative(system, MET, **OPEN)(np.eye(6)[0])
+    report = check_c1(system, MET, **OPEN)
+    assert report.verdict != "C1"
+    assert "the flow jumps" in report.products.detail
+    assert "NO   all orders have one saltation product" in str(report)
 
 
 @field

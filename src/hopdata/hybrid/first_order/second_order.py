@@ -221,6 +221,6 @@ def _additive(fields: Fields, scale: FloatArray, tolerance: float) -> Finding:
     value = apart / effect if effect > 0 else 0.0
     detail = (
         "largest deviation from the sum of what each contact adds alone, over the "
-        "largest sum"
+        "largest change of a rate by contacts"
     )
     return Finding.at_most(ADDITIVE, value, tolerance, detail)

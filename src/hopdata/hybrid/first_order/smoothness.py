@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.crossings import NoDerivativeError
 from hopdata.hybrid.first_order.event_selected import definitions, event_selection
 from hopdata.hybrid.first_order.finding import Finding
 from hopdata.hybrid.first_order.saltation import (
@@ -108,7 +109,7 @@ def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Findi
     scale = flow.scale
     try:
         orders = flow.pieces(seed=seed)
-    except NotTransversalError as error:
+    except (NotTransversalError, NoDerivativeError) as error:
         return Finding(ONE_PRODUCT, False, np.nan, f"<= {tolerance:g}", str(error))
     matrices = [order.matrix * scale / scale[:, None] for order in orders]
     detail = (
