@@ -340,8 +340,10 @@ def describe(
 ) -> list[str]:
     """Return lines on landings and feet, losses, the verdict, and what to change."""
     feet = feet_of(config)
-    about = "about " if forecast.frames_share < 1 else ""
-    used = f"{about}{forecast.used} of {forecast.landings} will be used"
+    used = f"{forecast.used} of {forecast.landings} will be used"
+    if forecast.frames_share < 1:
+        share = f"{100 * forecast.frames_share:.0f} %"
+        used = f"about {used} (by the middle {share} of each recording)"
     unsure = f"{100 * forecast.unsure:.0f} % of their orders unsure"
     timed = [f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet]
     lines = [
