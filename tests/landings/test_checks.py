@@ -1,5 +1,7 @@
 """The checks pass on good data, and each fails on data with its own fault."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -136,6 +138,7 @@ def test_good_data_are_good(tables):
     assert {c.status for c in found.values()} == {GOOD}
     assert found[WHAT["seen"]].value == pytest.approx(99.8)  # the boom does not count
     assert found[WHAT["sections"]].value == pytest.approx(1.0)
+    assert re.match(r"(pre|post), by \d", found[WHAT["sections"]].remark)
     assert f"{TOO_LATE} (1)" in found[WHAT["used"]].remark
 
 

@@ -89,7 +89,7 @@ def test_it_says_how_many_landings_were_fitted():
 def test_it_says_how_many_landings_are_far_off():
     left_out = {"outcome_far_off": [4, 7], "state_far_off": [9]}
     text = of(full_study(verdict=verdict() | {"gross_errors": left_out})).text
-    assert "are known (3 more were left out" in text
+    assert "are known (besides, 3 left out" in text
     none = of(full_study(verdict=verdict() | {"gross_errors": {}})).text
     assert "left out" not in none
 

@@ -441,7 +441,9 @@ def _sections(stability: pd.DataFrame) -> Check:
     if not variant.startswith("without "):
         variant = f"with {variant}"
     most_m = float(moved_m.max())
-    values = {"most_mm": 1e3 * most_m, "variant": variant}
+    of_each_m = (others[heights] - chosen).abs().max()
+    section = str(of_each_m.idxmax()).removesuffix("_height_m")
+    values = {"most_mm": 1e3 * most_m, "variant": variant, "section": section}
     remarks = [Message("landings.sections_move", values)]
     if n_failed:
         values = {"failed": n_failed, "variants": len(others)}

@@ -84,8 +84,8 @@ HIDDEN = 0.5
 #: Unit: 1. Origin: chosen.
 ONE_LANDING = 2.0
 
-#: How much more the mean of many studies may have left if third-order terms were not
-#: fitted, as a multiple of `allowed`.
+#: How much more the mean of many studies may have left if landings are too few to fit
+#: third-order terms without shrinking them, as a multiple of `allowed`.
 #: Unit: 1. Origin: chosen.
 WITHOUT_THIRD = 1.5
 
