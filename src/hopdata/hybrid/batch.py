@@ -309,6 +309,7 @@ class BatchSolution:
                 culprit=self.culprit[run],
                 names=self.guard_names,
                 rates=self.rates[run],
+                has_handler=self.form.has_handler,
             )
             lines.append(f"{count} of {len(self)}, such as number {run}: {sentence}")
         n_unproven = int(self.n_unproven.sum())

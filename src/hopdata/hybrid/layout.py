@@ -424,8 +424,22 @@ def why_unproven(count: int, reason: str) -> str:
     return UNPROVEN_STEPS.format(count=count)
 
 
+# What is left of `TIE_IN_JACOBIAN` where no handler is called.
+TIE_OF_LOCKS = (
+    "Several guards flip at {at}, and their order matters, or one of them turns "
+    "another back: there is no Jacobian of the flow. Each order has its own: see "
+    "`first_order.bouligand_derivative` (docs/c1.md, The derivative of each order)."
+)
+
+
 def describe(
-    status: int, *, time: float, culprit: int, names: tuple[str, ...], rates: FloatArray
+    status: int,
+    *,
+    time: float,
+    culprit: int,
+    names: tuple[str, ...],
+    rates: FloatArray,
+    has_handler: bool = True,
 ) -> str:
     """Return a sentence that says how an integration ended.
 
@@ -441,9 +455,12 @@ def describe(
         Names of all guards.
     rates : (2,) array
         Rates of that guard's event function just before its last two flips, 1/s.
+    has_handler : bool
+        Whether the system has a handler of events.
     """
     guard = names[culprit] if culprit >= 0 else ""
     below, above = rates
-    return SENTENCES[status].format(
-        at=f"t = {time:.17g}", guard=guard, below=below, above=above
-    )
+    sentence = SENTENCES[status]
+    if status == TIE_IN_JACOBIAN and not has_handler:
+        sentence = TIE_OF_LOCKS
+    return sentence.format(at=f"t = {time:.17g}", guard=guard, below=below, above=above)

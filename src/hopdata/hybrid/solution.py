@@ -249,6 +249,8 @@ class Form:
     unsought : str
         Why the field's own instants were not sought though the derivative by the
         parameters may depend on them; "" if they were.
+    has_handler : bool
+        Whether the system has a handler of events.
     """
 
     state: int
@@ -260,6 +262,7 @@ class Form:
     unproven: str = ""
     slides: Slides | None = None
     unsought: str = ""
+    has_handler: bool = True
 
     @classmethod
     def of(cls, system: System) -> Form:
@@ -276,6 +279,7 @@ class Form:
             system.branches.reason,
             system.slides,
             system.unsought,
+            system.on_event is not None,
         )
 
 
@@ -437,6 +441,7 @@ class Solution(Told):
             culprit=self.culprit,
             names=self.form.guard_names,
             rates=self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]],
+            has_handler=self.form.has_handler,
         )
         told = [ended]
         if self.limit is not None:
