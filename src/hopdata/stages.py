@@ -274,10 +274,14 @@ def mode_schedules(
 
 @results
 class HomeFrame:
-    """States at both sections; touchdowns, with the reason if one has no state."""
+    """States at both sections; touchdowns, with the reason if one has no state.
+
+    `lags` has the lags of each two feet in the touchdowns used.
+    """
 
     pairs: Pairs = saved("pairs.h5", PAIRS)
     touchdowns: pd.DataFrame = saved("tables/touchdowns.csv", TABLE)
+    lags: pd.DataFrame = saved("tables/lags.csv", TABLE)
     example_touchdown: pd.DataFrame = saved("tables/example_touchdown.csv", TABLE)
 
 
@@ -293,6 +297,7 @@ def home_frame(
     begins_s: dict[str, float | None] = key("recordings.begins_s"),
 ) -> HomeFrame:
     """Put the states at both sections in their home frames (Sec. 2.2.4)."""
+    from hopdata.landings.contact_lags import lags_of_touchdowns
     from hopdata.landings.contacts.velocity_minimum import example_touchdown
     from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 
@@ -309,7 +314,7 @@ def home_frame(
     )
     touchdowns = exclude_stateless(schedules, pairs)
     example = example_touchdown(recordings, touchdowns)
-    return HomeFrame(pairs, touchdowns, example)
+    return HomeFrame(pairs, touchdowns, lags_of_touchdowns(touchdowns), example)
 
 
 @results

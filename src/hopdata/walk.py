@@ -440,6 +440,7 @@ class Study(Shown):
             verdict=self.verdict.to_dict(),
             quality=self._result("quality"),
             touchdowns=self.touchdowns,
+            lags=self._result("lags"),
             prediction=self._result("prediction_summary"),
             distances=distances,
             distances_asked=self._asks_for_distances,

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.landings.contact_lags import LAG_COLUMNS, lag_table
+from hopdata.landings.contact_lags import LAG_COLUMNS, lag_table, lags_of_touchdowns
 
 FEET = ("left", "right")
 # Scatter of the lag over landings, and the common error of each foot, s.
@@ -136,3 +136,23 @@ def test_landings_of_several_recordings_count_together_with_their_mean_common_er
     assert lag["landings"] == 4
     assert lag["mean_s"] == pytest.approx(-0.03)
     assert lag["common_s"] == pytest.approx(np.hypot(0.002, 0.002))
+
+
+def test_of_a_study_the_touchdowns_used_count():
+    touchdowns = pd.DataFrame(
+        {
+            "recording": ["a", "a", "a", "b"],
+            "touchdown": [1, 2, 3, 1],
+            "contact_left_s": [1.0, 2.0, 3.0, 1.0],
+            "contact_right_s": [1.01, np.nan, 3.5, 1.03],
+            "common_left_s": [0.003, 0.003, 0.003, 0.006],
+            "common_right_s": [0.004, 0.004, 0.004, 0.008],
+            "excluded": [False, False, True, False],
+        }
+    )
+    (lag,) = lags_of_touchdowns(touchdowns).to_dict("records")
+    assert (lag["foot"], lag["other"], lag["landings"]) == ("left", "right", 2)
+    assert lag["mean_s"] == pytest.approx(-0.02)
+    assert lag["common_s"] == pytest.approx(np.hypot(0.0045, 0.006))
+    touchdowns["excluded"] = True
+    assert lags_of_touchdowns(touchdowns).empty

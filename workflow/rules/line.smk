@@ -170,6 +170,7 @@ rule home_frame:
     output:
         pairs=f"{RESULTS}/pairs.h5",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
+        lags=f"{RESULTS}/tables/lags.csv",
         example_touchdown=f"{RESULTS}/tables/example_touchdown.csv",
     log:
         f"{RESULTS}/logs/home_frame.log",

@@ -9,6 +9,7 @@ rule report:
         filled=f"{RESULTS}/tables/filled.csv" if FILLS else [],
         sections=f"{RESULTS}/sections.json",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
+        lags=f"{RESULTS}/tables/lags.csv",
         units=f"{RESULTS}/units.json",
         prediction=f"{RESULTS}/tables/prediction_summary.csv",
         distances=f"{RESULTS}/tables/distance_summary.csv" if DISTANCES else [],

@@ -48,6 +48,7 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
             overlay={Path(path).stem: read_table(path) for path in source.overlay},
             quality=read_json(source.quality),
             touchdowns=read_table(source.touchdowns),
+            lags=read_table(source.lags),
             prediction=read_table(source.prediction),
             faults=read_table(source.faults),
             remarks=read_table(source.remarks),

@@ -557,16 +557,16 @@ def show(
 
 def _show_lags(found: ContactTimes) -> None:
     """Print how long each foot touches before each other; nothing without two feet."""
-    from hopdata.commands.contacts_page import LAG_HEAD, lag_cells
+    from hopdata.commands.contacts_page import lags_of
 
-    cells = lag_cells(found)
-    rows = cells[:MOST_LISTED]
-    if not rows:
+    lags = lags_of(found)
+    if lags is None:
         return
-    columns: dict[str, terminal.Side] = dict.fromkeys(LAG_HEAD, "right")
-    columns[LAG_HEAD[0]] = "left"
-    terminal.print_table(columns, rows, plain=_plain([LAG_HEAD, *rows]))
-    n_more = len(cells) - len(rows)
+    rows = lags.rows[:MOST_LISTED]
+    columns: dict[str, terminal.Side] = dict.fromkeys(lags.head, "right")
+    columns[lags.head[0]] = "left"
+    terminal.print_table(columns, rows, plain=_plain([lags.head, *rows]))
+    n_more = len(lags.rows) - len(rows)
     if n_more:
         print(str(Message("commands.more_lags", {"more": n_more})))
 

@@ -12,6 +12,7 @@ from hopdata.errors import counted
 from hopdata.messages import Message, in_shell, without_exponent
 from hopdata.report.formatting import MISSING, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
+from hopdata.report.tables import lags_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,16 +24,6 @@ if TYPE_CHECKING:
 # landings, half of those shown are the ones whose order is least sure.
 MOST_SHOWN = 96
 IN_A_PICTURE = 24
-
-# Columns of the lags of the feet, and those of `ContactTimes.lags` from the third on.
-LAG_HEAD = (
-    *("lag", "landings", "mean (ms)", "from (ms)", "to (ms)"),
-    *("standard error (ms)", "common error (ms)", "median |lag| (ms)", "sd (ms)"),
-)
-LAG_COLUMNS = (
-    *("mean_s", "low_s", "high_s"),
-    *("se_s", "common_s", "median_abs_s", "sd_s"),
-)
 
 # Contacts in the table of the page.
 MOST_ROWS = 400
@@ -81,11 +72,11 @@ def contacts_html(
         tables=[
             table
             for table in (
-                _lag_table(found),
+                lags_of(found),
                 _order_table(found),
                 _contact_table(found),
             )
-            if table.rows
+            if table and table.rows
         ],
     )
 
@@ -199,20 +190,10 @@ def _picture(name: str, figure: Figure, caption: str) -> Any:
     return picture_of(drawn, {})
 
 
-def lag_cells(found: ContactTimes) -> list[tuple[str, ...]]:
-    """Return the cells of a row for each two feet that land together, as `LAG_HEAD`."""
-    rows = []
-    for lag in found.lags().to_dict("records"):
-        name = f"{lag['foot']} minus {lag['other']}"
-        numbers = [_number(1e3 * lag[column], 2) for column in LAG_COLUMNS]
-        rows.append((name, f"{lag['landings']}", *numbers))
-    return rows
-
-
-def _lag_table(found: ContactTimes) -> Table:
-    """Return how long each foot touches before each other."""
-    note = str(Message("commands.lags_note"))
-    return Table("Lags of the feet", LAG_HEAD, tuple(lag_cells(found)), note=note)
+def lags_of(found: ContactTimes) -> Table | None:
+    """Return how long each foot touches before each other; None without two feet."""
+    rows = found.lags().to_dict("records")
+    return lags_table(rows, str(Message("commands.lags_note")))
 
 
 def _order_table(found: ContactTimes) -> Table:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import pd
+from hopdata.feet import foot_names
 
 #: Confidence of the intervals.
 #: Unit: 1. Origin: convention.
@@ -71,6 +72,41 @@ def lag_table(contacts: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
         if len(both):
             rows.append((foot, other, *_lag(both)))
     return pd.DataFrame(rows, columns=list(LAG_COLUMNS))
+
+
+def lags_of_touchdowns(touchdowns: pd.DataFrame) -> pd.DataFrame:
+    """Return the lags of each two feet in the touchdowns that a study uses.
+
+    Parameters
+    ----------
+    touchdowns : DataFrame
+        Descents with the columns ``recording, touchdown, excluded`` and, for each foot,
+        ``contact_<foot>_s`` and ``common_<foot>_s``
+        (`hopdata.landings.touchdowns.touchdown_tables`).
+
+    Returns
+    -------
+    DataFrame
+        As of `lag_table`.
+    """
+    used = touchdowns[~touchdowns["excluded"].astype(bool)]
+    feet = foot_names(touchdowns.columns)
+    parts = [_contacts_of_foot(used, foot) for foot in feet]
+    return lag_table(pd.concat(parts, ignore_index=True), feet)
+
+
+def _contacts_of_foot(used: pd.DataFrame, foot: str) -> pd.DataFrame:
+    """Return a row for each touchdown of a foot, as `lag_table` takes them."""
+    contact_s = used[f"contact_{foot}_s"]
+    of_foot = {
+        "recording": used["recording"],
+        "landing": used["touchdown"],
+        "foot": foot,
+        "contact_s": contact_s,
+        "common_s": used[f"common_{foot}_s"],
+        "found": contact_s.notna(),
+    }
+    return pd.DataFrame(of_foot)
 
 
 def _landings_of_both(found: pd.DataFrame, foot: str, other: str) -> pd.DataFrame:

@@ -160,6 +160,8 @@ class ReportInputs(PageInputs):
         marker positions that were seen).
     touchdowns : DataFrame, optional
         The study's table of touchdowns, including excluded ones.
+    lags : DataFrame, optional
+        ``lags.csv``: the lags of each two feet in the touchdowns used.
     filled : DataFrame, optional
         ``filled.csv``: gaps of every marker, and how much of them was filled.
     sections, units : mapping, optional
@@ -196,6 +198,7 @@ class ReportInputs(PageInputs):
 
     recordings: Sequence[Mapping[str, Any]] = ()
     touchdowns: pd.DataFrame | None = None
+    lags: pd.DataFrame | None = None
     filled: pd.DataFrame | None = None
     sections: Mapping[str, Any] | None = None
     units: Mapping[str, Any] | None = None

@@ -598,6 +598,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
             inputs.sections, is_levelled=bool(inputs.floors)
         ),
         "schedules": tables.schedules_table(inputs.touchdowns),
+        "lags": tables.study_lags_table(inputs.lags),
         "exclusions": tables.exclusions_table(inputs.touchdowns),
         "overlay": tables.agreement_table(inputs.overlay),
         "unmatched": tables.unmatched_table(inputs.overlay),

@@ -27,6 +27,7 @@ DETAIL_NAMES = show.WORDS["details"]
 MOST_SCHEDULES = 24
 MOST_RECORDINGS = 6
 MOST_GAPPY = 24
+MOST_LAGS = 24
 
 
 def recordings_table(
@@ -204,6 +205,37 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         }
         note = Message("report.rarer", values)
     return show.Table("Used touchdowns by mode schedule", head, tuple(rows), note=note)
+
+
+def study_lags_table(lags: pd.DataFrame | None) -> show.Table | None:
+    """Return the first `MOST_LAGS` lags of a study; a note counts the rest."""
+    rows = show.records(lags)
+    more: Message | str = ""
+    if len(rows) > MOST_LAGS:
+        values = {"count": len(rows) - MOST_LAGS, "file": "lags"}
+        more = Message("report.more_rows", values)
+    return lags_table(rows[:MOST_LAGS], Message("report.lags_note", {"more": more}))
+
+
+def lags_table(
+    rows: Sequence[Mapping[str, Any]], note: Message | str
+) -> show.Table | None:
+    """Return a line for each two feet that land together, None if there are none.
+
+    `rows` are those of `hopdata.landings.contact_lags.lag_table`.
+    """
+    columns: show.Columns = {
+        "lag": lambda row: f"{row['foot']} minus {row['other']}",
+        "landings": show.counted("landings"),
+        "mean (ms)": show.decimals("mean_s", 2, 1e3),
+        "from (ms)": show.decimals("low_s", 2, 1e3),
+        "to (ms)": show.decimals("high_s", 2, 1e3),
+        "standard error (ms)": show.decimals("se_s", 2, 1e3),
+        "common error (ms)": show.decimals("common_s", 2, 1e3),
+        "median |lag| (ms)": show.decimals("median_abs_s", 2, 1e3),
+        "sd (ms)": show.decimals("sd_s", 2, 1e3),
+    }
+    return show.table_of("Lags of the feet", rows, columns, note=note)
 
 
 def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
