@@ -10,6 +10,7 @@ import numpy as np
 
 from hopdata.errors import counted
 from hopdata.messages import Message, in_shell, without_exponent
+from hopdata.report import formatting as show
 from hopdata.report.formatting import MISSING, Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 from hopdata.report.tables import lags_table
@@ -192,7 +193,7 @@ def _picture(name: str, figure: Figure, caption: str) -> Any:
 
 def lags_of(found: ContactTimes) -> Table | None:
     """Return how long each foot touches before each other; None without two feet."""
-    rows = found.lags().to_dict("records")
+    rows = show.records(found.lags())
     return lags_table(rows, str(Message("commands.lags_note")))
 
 
