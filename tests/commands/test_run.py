@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from checkouts import part_of_sample
+from fake_study import verdict
 
 from hopdata import __version__
 from hopdata.__main__ import main
@@ -71,6 +72,28 @@ def test_that_no_verdict_is_reached_is_said_before_the_page(folder, capsys):
     answer.write_text(json.dumps({"effect": {}, "jump": None, "notes": []}))
     told("verdict")
     assert capsys.readouterr().err == ""
+
+
+def test_the_answer_has_the_words_of_the_page(folder, monkeypatch, capsys):
+    values = {"compared": "6 contact orders", "where": " over these landings"}
+    values |= {
+        "bound": "13 %",
+        "confidence": "95 %",
+        "margin": "20 %",
+        "spreads": "0.7",
+    }
+    sentence = {"code": "maps.no_difference_at_contact", "values": values}
+    found = verdict(messages={"sentence": sentence}, sentence="As written.")
+    found |= {"holds_from": 0.00814, "contact_spread": 0.0112}
+    Path("results/sample").mkdir()
+    Path("results/sample/verdict.json").write_text(json.dumps(found))
+    Path("results/sample/report.html").touch()
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: 0)
+    assert main(["run"]) == 0
+    said = capsys.readouterr().out
+    assert "No difference between the maps of 6 contact orders larger" in said
+    assert "spent once contacts are some 8.1 ms apart" in said
+    assert "\u00a0" not in said
 
 
 def test_a_dry_run_says_a_line_a_stage(folder, capfd):

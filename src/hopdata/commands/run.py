@@ -19,10 +19,17 @@ from hopdata.commands.bringing import bring
 from hopdata.commands.terminal import OK, PROBLEM, write_text
 from hopdata.commands.values import values_of
 from hopdata.commands.workflow import is_dry, run_workflow
-from hopdata.errors import ConfigError, HopdataError, did_you_mean, require
+from hopdata.errors import (
+    NO_BREAK_SPACES,
+    ConfigError,
+    HopdataError,
+    did_you_mean,
+    require,
+)
 from hopdata.jobs import read_json
 from hopdata.messages import Message
 from hopdata.provenance import package_digest
+from hopdata.report import verdict
 from hopdata.report.tables import quality_summary
 from hopdata.stages import LINE
 
@@ -192,7 +199,7 @@ def _print_answer(asked: _Run) -> None:
         return
     found = read_json(answer)
     answers.give(answer=answer, page=page, verdict=_verdict_of(found))
-    print(found["sentence"])
+    print(_answer_of(found))
     checks = answer.with_name("quality.json")
     if checks.exists():
         quality = read_json(checks)
@@ -203,6 +210,16 @@ def _print_answer(asked: _Run) -> None:
             told += f"; {others}"
         print(told)
     print(page)
+
+
+def _answer_of(found: Mapping[str, Any]) -> str:
+    """Return the answer of a study in the words of its page, or that of a group."""
+    if "messages" not in found:
+        return str(found["sentence"])
+    said = " ".join(map(str, verdict.answer(found)))
+    for blank in NO_BREAK_SPACES:
+        said = said.replace(blank, " ")
+    return said
 
 
 def _verdict_of(found: Mapping[str, Any]) -> dict[str, Any]:
