@@ -20,7 +20,9 @@ from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError, with_names
 from hopdata.landings import exclusion
+from hopdata.landings.contacts.descents import descents
 from hopdata.landings.contacts.remarks import contact_remarks, one_for_all_feet
+from hopdata.landings.contacts.where import body_height
 from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import MORE_SPREAD, MOST_LANDINGS, landings_needed
@@ -119,6 +121,9 @@ class Forecast:
         What divides the landings into two kinds; empty if they are of one.
     contact_remarks
         What to know of how the contacts of these feet were timed.
+    landings_share
+        Share of the study's landings that the frames examined hold, by the descents of
+        the body.
     """
 
     touchdowns: pd.DataFrame
@@ -133,6 +138,7 @@ class Forecast:
     best: Mapping[str, float] = field(default_factory=dict)
     kinds: str = ""
     contact_remarks: tuple[str, ...] = ()
+    landings_share: float = 1.0
 
     @property
     def least_allowed(self) -> float:
@@ -202,7 +208,7 @@ class Forecast:
 
     def _scaled(self, count: float) -> int:
         """Return a count in the frames examined as that of the whole study."""
-        return round(float(count) / self.frames_share)
+        return round(float(count) / self.landings_share)
 
 
 def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecast:
@@ -247,7 +253,13 @@ def _of_frames(
     config: dict[str, Any], recordings: Sequence[Recording], most_frames: float
 ) -> Forecast:
     """Forecast the study of these recordings from `most_frames` of them."""
-    parts, share = _parts(recordings, most_frames)
+    examined = _middles(recordings, most_frames)
+    parts = [one.part(frames) for one, frames in zip(recordings, examined, strict=True)]
+    n_frames = sum(len(one.time) for one in recordings)
+    share = sum(len(part.time) for part in parts) / n_frames
+    landings_share = 1.0
+    if share < 1:
+        landings_share = _landings_share(recordings, examined, otherwise=share)
     study = Study(config, tuple(parts))
     candidates = study.mode_schedules().schedules
     best = _best_sections(study)
@@ -261,6 +273,7 @@ def _of_frames(
             code=error.code,
             stops=True,
             best=best,
+            landings_share=landings_share,
         )
     remarks = contact_remarks(study.recordings, [*study.contacts.values()])
     told = tuple(str(remark) for remark in one_for_all_feet(remarks))
@@ -274,10 +287,13 @@ def _of_frames(
             code=note["code"],
             best=best,
             contact_remarks=told,
+            landings_share=landings_share,
         )
     effect = verdict.effect
-    shown = _in_all(effect.detectable, effect.allowed, share)
-    shown_nearest = _in_all(effect.detectable_nearest, effect.allowed_nearest, share)
+    shown = _in_all(effect.detectable, effect.allowed, landings_share)
+    shown_nearest = _in_all(
+        effect.detectable_nearest, effect.allowed_nearest, landings_share
+    )
     is_part = share < 1.0
     if is_part and shown_nearest < shown:
         # The whole study will use the nearest landings only.
@@ -294,6 +310,7 @@ def _of_frames(
         best=best,
         kinds="".join(kinds),
         contact_remarks=told,
+        landings_share=landings_share,
     )
 
 
@@ -317,19 +334,35 @@ def _best_sections(study: Study) -> dict[str, float]:
     return best
 
 
-def _parts(
-    recordings: Sequence[Recording], most: float
-) -> tuple[list[Recording], float]:
-    """Return the recordings, or their middles with `most` frames, and their share."""
+def _middles(recordings: Sequence[Recording], most: float) -> list[slice]:
+    """Return the frames of each recording's middle, `most` together, or all frames."""
     total = sum(len(one.time) for one in recordings)
     share = min(1.0, most / total)
-    parts = []
+    middles = []
     for one in recordings:
         n_frames = math.ceil(share * len(one.time))
         first = (len(one.time) - n_frames) // 2
-        parts.append(one.part(slice(first, first + n_frames)))
-    examined = sum(len(part.time) for part in parts)
-    return parts, examined / total
+        middles.append(slice(first, first + n_frames))
+    return middles
+
+
+def _landings_share(
+    recordings: Sequence[Recording], examined: Sequence[slice], *, otherwise: float
+) -> float:
+    """Return the share of the body's descents that end in the frames examined.
+
+    A recording may begin and end at rest, so that its middle holds more of them than of
+    the time. Without any descent there, return `otherwise`.
+    """
+    n_all = 0
+    n_examined = 0
+    for one, frames in zip(recordings, examined, strict=True):
+        for _, nadir in descents(body_height(one)):
+            n_all += 1
+            n_examined += frames.start <= nadir < frames.stop
+    if not n_examined:
+        return otherwise
+    return n_examined / n_all
 
 
 # A forecast in lines.

@@ -5,6 +5,7 @@ import pytest
 from made_up_hopper import MARKERS, hopping
 from made_up_jumps import STYLES, jumping
 from made_up_people import person
+from made_up_robot import robot
 from qtm_files import NAMES, UPRIGHT, qtm_text, standing, write
 from trc_files import trc_text
 from written_files import write_c3d
@@ -165,6 +166,37 @@ def test_flights_speak_for_their_rate_alone(seed, rate_hz):
         assert found.is_sure == is_sure
         if not is_sure:
             assert found.other == f"{rate_hz:g}"
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("strength_g", [3, 4, 5, 6])
+def test_legs_drawn_in_do_not_speak_for_half_the_rate(strength_g, seed):
+    """Its torso is pulled down by 1.5 to 1.8 g, and at half the rate by under 0.5 g."""
+    positions = robot(seed, strength_g=strength_g)
+    names = [f"m{k}" for k in range(positions.shape[1])]
+    found = guess_rate(of_people(positions, names, 250.0), "m")
+    assert found.is_sure
+    assert found.why.code == "recordings.rate_confirmed"
+    for factor in (1.2, 2.0):
+        too_fast = of_people(positions, names, factor * 250.0)
+        assert not guess_rate(too_fast, "m").is_sure
+
+
+def test_one_marker_that_falls_does_not_confirm_a_rate_at_which_others_are_hurled():
+    time = np.arange(2000) / 100
+    phase = 2 * np.pi * time / 0.6
+    radius_m = 9.81 * (0.6 / 2 / np.pi) ** 2
+    # Six markers are pulled by 1.6 g down and by 1 g aside at once, and never fall.
+    circle = np.stack([np.cos(phase), np.sin(phase), 1.6 * np.sin(phase)], axis=1)
+    shaken = np.arange(6)[:, None] + radius_m * circle[:, None]
+    bouncing = np.zeros((2000, 1, 3))
+    since = time % 0.6
+    bouncing[:, 0, 2] = np.maximum(0.0, 0.5 * 9.81 * since * (0.4 - since))
+    positions = np.concatenate([shaken, bouncing], axis=1)
+    fall = free_fall(positions, 100.0, units={"m": 1.0})
+    assert fall.is_rather_clear
+    assert fall.up == "z"
+    assert not guess_rate(of_people(positions, MARKERS, 100.0), "m").is_sure
 
 
 def test_time_stamps_speak_against_the_rate_that_is_stated():
