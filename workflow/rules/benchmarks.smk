@@ -42,6 +42,7 @@ BENCHMARK_TABLES = {
         "verdict_campaign_studies.csv",
         "verdict_campaign_detectable.csv",
     ],
+    "verdict_curvature": ["verdict_curvature.csv", "verdict_curvature_studies.csv"],
     "verdict_growth": [
         "verdict_growth.csv",
         "verdict_growth_studies.csv",
@@ -92,6 +93,7 @@ BENCHMARK_ARGUMENTS = {
     "study_cost": "--base 0.07",
     "velocities": "--draws 10",
     "verdict_campaign": "--studies 1",
+    "verdict_curvature": "--studies 1",
     "verdict_growth": "--studies 1",
     "verdict_groups": "--subjects 16",
     "verdict_jumps": "--studies 2",

@@ -9,12 +9,13 @@ from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.data import Measured
 from hopdata.maps.verdict.growth import Growth
-from hopdata.maps.verdict.model import LEFT
+from hopdata.maps.verdict.model import BY_CHANCE, LEFT
 from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
 from hopdata.maps.verdict.pooled import of_more_bodies
 from hopdata.maps.verdict.readings import Reading
 from hopdata.maps.verdict.signs import IN_A_ROW
 from hopdata.maps.verdict.sizes import Sizes
+from hopdata.maps.verdict.smooth import Curvature
 from hopdata.maps.verdict.words import percent
 from hopdata.messages import Message
 
@@ -26,6 +27,12 @@ FAINT = 1.3
 #: Unit: 1. Origin: measured: sections 50 to 70 mm below the contact bent maps of bodies
 #: by 0.001 to 0.005, and those among the lowest points by 0.1 and more (`grazing`).
 BENT = 0.02
+
+#: A map is noted as strongly curved if terms of third order explain more than this
+#: share of the variance of its outcomes, beside those of second order.
+#: Unit: 1. Origin: measured: of bodies (bodies.py, seeds 40 to 43) it was up to 0.003,
+#: of sines and cubes 0.03 and more (verdict_curvature.py, seeds 8000 to 8007).
+CURVED = 0.02
 
 #: A difference whose slope over the contact spread is surely above this is noted.
 #: Unit: 1. Origin: measured: on bodies, kinks whose size was right had slopes surely
@@ -106,6 +113,7 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
     without_bend = fit.allowed / fit.faded - landings.bent
     if without_bend > LEFT * (1.0 + ROUNDING) and not jumps:
         notes.append(_note("contacts_far_apart", allowed=allowed))
+    notes += curved(fit.curvature())
     if fit.faded > FAINT:
         notes.append(_note("faint", share=share, allowed=allowed))
     if landings.bent > BENT:
@@ -125,6 +133,19 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
         change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
+
+
+def curved(curvature: Curvature | None) -> Notes:
+    """Return a note on a map that is strongly curved over the landings, if it is."""
+    if curvature is None:
+        return []
+    if curvature.share <= max(CURVED, BY_CHANCE * curvature.error):
+        return []
+    values = {
+        "share": percent(curvature.share),
+        "times": f"{curvature.by_mean_slope:.2g}",
+    }
+    return [_note("strongly_curved", **values)]
 
 
 def _of_unknown_errors(reading: Reading) -> Notes:

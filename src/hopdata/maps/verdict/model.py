@@ -37,6 +37,7 @@ from hopdata.maps.verdict.saturation import (
     lasts,
 )
 from hopdata.maps.verdict.smooth import (
+    Curvature,
     Fit,
     Shapes,
     Smooth,
@@ -253,6 +254,15 @@ class KinkFit:
             )
             found.append(beside)
         return tuple(found)
+
+    def curvature(self) -> Curvature | None:
+        """Return how strongly the map bends over the landings; None of steps."""
+        if self.smooth is None or self.shown is None:
+            return None
+        explained = self.shown @ self.coefficients
+        if self.jumps is not None and self.jumps.shown is not None:
+            explained = explained + self.jumps.shown @ self.jumps.coefficients
+        return self.smooth.curvature(explained, self.linear)
 
     def growth(self, landings: SectionLandings) -> Growth | None:
         """Return how the difference grows with the time between contacts.

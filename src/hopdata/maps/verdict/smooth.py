@@ -44,6 +44,28 @@ LEAST_SLACK = 0.1
 
 
 @dataclass(frozen=True)
+class Curvature:
+    """How strongly a map bends over the landings.
+
+    Attributes
+    ----------
+    share
+        Of the variance of the outcomes, what terms of first and second order leave and
+        those of third order explain.
+    error
+        Standard error of `share` that noise alone would give, if all outcomes err
+        alike.
+    by_mean_slope
+        By what factor sizes would be larger as shares of the mean slope over the
+        landings, which is the slope without terms of third order.
+    """
+
+    share: float
+    error: float
+    by_mean_slope: float
+
+
+@dataclass(frozen=True)
 class Smooth:
     """Smooth terms for n landings of a study, with p inputs and q outcomes.
 
@@ -99,6 +121,35 @@ class Smooth:
         centred = self.raw - self.raw.mean(axis=0)
         whitening = np.linalg.lstsq(centred, self.inputs, rcond=None)[0]
         return np.asarray(whitening @ by_whitened)
+
+    def curvature(self, kinks: FloatArray, linear: FloatArray) -> Curvature:
+        """Return how strongly the map bends over the landings.
+
+        Parameters
+        ----------
+        kinks
+            (n, q) part of the outputs that is not smooth.
+        linear
+            (p, q) derivative of the outputs by the raw inputs, beside `kinks`: see
+            `linear`.
+        """
+        smooth = self.outputs - kinks
+        coefficients = np.linalg.lstsq(self.lower, smooth, rcond=None)[0]
+        freedom = len(smooth) - self.lower.shape[1]
+        left = np.sum((smooth - self.lower @ coefficients) ** 2, axis=0) / freedom
+        noise = np.sum(self.without(smooth) ** 2, axis=0) / freedom
+        of_outputs = halves(np.var(self.outputs, axis=0))
+
+        mean_slope = coefficients[1 : self.inputs.shape[1] + 1]
+        by_mean_slope = np.mean((self.inputs @ mean_slope) ** 2, axis=0)
+        centred = self.raw - self.raw.mean(axis=0)
+        by_linear = np.mean((centred @ linear) ** 2, axis=0)
+        larger = by_linear @ halves(by_mean_slope)
+        return Curvature(
+            share=float((left - noise) @ of_outputs),
+            error=float(np.sqrt(2.0 / freedom) * noise @ of_outputs),
+            by_mean_slope=float(np.sqrt(larger)),
+        )
 
     def change_by_third(self, shapes: FloatArray) -> float:
         """Return c, by how much third-order terms change the derivative.
