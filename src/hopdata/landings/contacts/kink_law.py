@@ -489,6 +489,7 @@ def _with_stance(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
     totals_of_best: list[float] = []
     for creeps in (False, True):
         totals: list[float] = []
+        of_recordings: list[FloatArray] = []
         of_these: list[Laws] = []
         for compliance_s in COMPLIANCES_S:
             trial = changed(laws, compliance_s=compliance_s, creeps=creeps)
@@ -507,7 +508,9 @@ def _with_stance(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
                 best_likelihood = likelihood
                 totals_of_best = totals  # the same list, which grows with the trials
                 tried = of_these
-            if totals[-1] < max(totals):  # worse than the one before
+            of_recordings.append(_of_each(trials, likelihood))
+            is_worse = of_recordings[-1] < np.max(of_recordings, axis=0)
+            if is_worse.all():  # than one before, in every recording
                 break
     if best[0].compliance_s > 0.0:
         tried_s = [one[0].compliance_s for one in tried]
@@ -524,22 +527,34 @@ def _own_stances(
 ) -> Laws:
     """Give a recording a stance of its own where that is clearly likelier there.
 
+    Once one differs for sure, as on another floor or in other shoes, the others may
+    have its stance, too, if it gains them more than chance.
+
     `stances` were tried, with their `likelihoods`, each (L, n).
     """
-    gains = []
-    for likelihood in likelihoods:
-        of_each = trials.each(likelihood - best_likelihood)
-        gains.append([float(np.nansum(own)) for own in of_each])
-    fits = trials.each(np.isfinite(best_likelihood))
-    chance = [STANCE_GAIN + STANCE_GAIN_PER_FIT * own.sum() for own in fits]
-    likeliest = np.argmax(gains, axis=0)
-    is_own = np.max(gains, axis=0) > np.maximum(chance, TELLING_LOSS)
-    if is_own.all():
+    gains = np.array(
+        [_of_each(trials, likelihood - best_likelihood) for likelihood in likelihoods]
+    )
+    n_fits = _of_each(trials, np.isfinite(best_likelihood))
+    chance = STANCE_GAIN + STANCE_GAIN_PER_FIT * n_fits
+    is_sure = gains.max(axis=0) > np.maximum(chance, TELLING_LOSS)
+    if is_sure.all() or not is_sure.any():
         return best  # no recording says that it differs from the others
+    likeliest = np.argmax(gains, axis=0)
+    known = np.unique(likeliest[is_sure])
+    likeliest_known = known[np.argmax(gains[known], axis=0)]
+    likeliest = np.where(is_sure, likeliest, likeliest_known)
+    numbers = np.arange(len(best))
+    is_own = is_sure | (gains[likeliest, numbers] > chance)
     return tuple(
         stances[which][number] if differs else best[number]
         for number, (which, differs) in enumerate(zip(likeliest, is_own, strict=True))
     )
+
+
+def _of_each(trials: Trials, values: FloatArray | BoolArray) -> FloatArray:
+    """Return the sum of the known values (L, n) of each recording, (R,)."""
+    return np.array([np.nansum(own) for own in trials.each(values)], dtype=float)
 
 
 def _refined(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
