@@ -165,10 +165,12 @@ def test_which_orders_differ_is_said_and_tabled():
     pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
     pair |= {"n_first": 31, "n_second": 47, "allowed": 0.1}
     known = verdict(
-        orders=[pair], main_contrast="most of all: landings with foot 1 first"
+        orders=[pair],
+        main_contrast="surest to differ are the orders 1 → 2 and 2 → 1",
     )
     page = Page(build_report(full_study(verdict=known)))
-    assert "Which orders differ: most of all: landings with foot 1 first." in page.text
+    said = "Which orders differ: surest to differ are the orders 1 → 2 and 2 → 1."
+    assert said in page.text
     row = "two maps 1 → 2 and 2 → 1 31, 47 40.0 20.0 50.0 0.0005"
     assert row in page.text
     for assumed in ("max T over 1999 random sign", "up to 10 % in one of these rows"):

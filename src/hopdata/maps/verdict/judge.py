@@ -147,7 +147,9 @@ class Verdict(Shown):
         Size of each pair of contact orders, or of feet, and of each order against all
         others: see `hopdata.maps.verdict.orders.PairEffect`.
     main_contrast
-        Which orders differ most, in words; empty if no pair was found.
+        Which orders differ most or surest, in words; empty if no pair was found. That
+        of the surest is not tested against other pairs: see
+        `hopdata.maps.verdict.orders.mainly`.
     gross_errors
         Rows, from 1, of the landings that were left out as far off, by reason: see
         `hopdata.maps.verdict.rows`.
