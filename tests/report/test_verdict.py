@@ -311,7 +311,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
 
 def test_what_holds_at_the_contact_stands_apart():
     values = {"compared": "6 contact orders", "size": "70 %", "where": ""}
-    values |= {"low": "42 %", "high": "90 %", "confidence": "95 %"}
+    values |= {"low": "42 %", "high": "90 %", "confidence": "95 %", "rms": ""}
     different = {"code": "maps.different", "values": values}
     no_upper_end = {"code": "maps.no_upper_end", "values": {"low": "42 %"}}
     parts = {"different": different, "reservation": no_upper_end}
@@ -408,13 +408,13 @@ def test_what_an_interval_leaves_open_is_told_in_milliseconds():
     one = verdict() | {"conclusion": "different", "twice_high_from": 0.0065}
     size = {"code": "maps.different", "values": {"compared": "6 contact orders"}}
     size["values"] |= {"size": "67 %", "where": "", "confidence": "95 %"}
-    size["values"] |= {"low": "42 %", "high": "87 %"}
+    size["values"] |= {"low": "42 %", "high": "87 %", "rms": "rms over all pairs; "}
     open_end = {"code": "maps.may_be_larger"}
     open_end["values"] = {"twice": "175 %", "spreads": "0.59"}
     values = {"different": size, "reservation": open_end}
     sentence = {"code": "maps.different_reserved", "values": values}
     told = [str(part) for part in answer({**one, "messages": {"sentence": sentence}})]
-    assert told[0].endswith("(95 % interval 42 % to 87 %).")
+    assert told[0].endswith("(rms over all pairs; 95 % interval 42 % to 87 %).")
     assert (
         "more than 175 % if it is spent once contacts are some 6.5\u00a0ms" in told[1]
     )
