@@ -229,6 +229,7 @@ def test_what_own_maps_gain_is_said_in_one_sentence():
     said = one_or_own_table(gained).note.text().replace("\u00a0", " ")
     assert "predict 1 of 2 outcomes better" in said
     assert "for climb, by 10 mm/s where one map misses by 40 mm/s" in said
+    assert "(95 % interval, which holds for each outcome alone)" in said
     nothing = one_or_own_table(gained.assign(gain_low=-1.0)).note.text()
     assert "predict none of these outcomes better" in nothing
 
