@@ -473,6 +473,20 @@ def test_bad_data_get_a_sentence_and_no_number(name):
     assert answer.notes[-1]["what"] == "verdict"
 
 
+@pytest.mark.parametrize(
+    "names", [["a", "b"], ["a", "b", "c", "d"], ["a", "a", "b"], "abc"]
+)
+def test_names_that_do_not_tell_the_feet_apart_are_refused(names):
+    data = landings(100)
+    arrays = (data.before, data.after, data.instants)
+    with pytest.raises(
+        ConfigError, match=r"^foot_names: expected 3 names, all different, found .*a"
+    ):
+        judge(*arrays, seed=1, foot_names=names)
+    told = judge(*arrays, seed=1, foot_names=("toe", "heel", "thumb"))
+    assert "toe" in told.contacts
+
+
 def test_tables_of_unequal_length_are_refused():
     data = landings(n=300)
     with pytest.raises(

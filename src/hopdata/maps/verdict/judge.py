@@ -345,20 +345,23 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         if half a period of its cut-off is longer than a landing from section to
         section. `judge` cannot see it, and its bounds would be too low.
     foot_names
-        Names of the feet, by which sentences call them; by default their numbers.
+        (feet) names of the feet, all different, by which sentences call them; by
+        default their numbers.
 
     Raises
     ------
     AnalysisError
         If the shapes of the arrays do not match.
     ConfigError
-        If another argument is not a number in its range.
+        If another argument is not a number in its range, or the names of the feet are
+        too few, too many or not different.
     """
     measured = data.measured(x, y, instants, instants_se)
     measured = data.with_feet(measured, feet, feet_se)
     measured = data.with_session(measured, time, blocks)
     options = Options(seed, margin, confidence, power, flips)
     options.check()
+    data.require_foot_names(foot_names, measured.n_feet)
     left_out = limits.left_out(measured.known())
     try:
         if blurred:
