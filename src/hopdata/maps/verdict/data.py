@@ -71,7 +71,11 @@ class Measured:
             feet_se = self.feet_se[known]
         contacts = inputs.Contacts(self.instants[known], errors, feet, feet_se)
         return inputs.section_landings(
-            self.before[known], self.after[known], contacts, self.session(known)
+            self.before[known],
+            self.after[known],
+            contacts,
+            self.session(known),
+            aside=self.n_known - len(known),
         )
 
     def session(self, known: IntArray) -> Session:
