@@ -17,7 +17,6 @@ from hopdata.maps.verdict.orders import (
     mainly,
     orders_table,
 )
-from hopdata.maps.verdict.words import CANNOT_TELL, sentence, without_upper_end
 from hopdata.messages import Message
 
 N_STUDIES = 20 if "ALL" in os.environ else 10
@@ -327,19 +326,3 @@ def test_a_size_over_several_pairs_is_said_to_be_an_rms():
     assert "are different: by" in of_one_pair
     assert "the outcome jumps by" in of_one_pair
     assert "rms" not in of_one_pair
-
-
-def test_a_bound_over_several_pairs_is_said_to_be_an_rms():
-    sizes = (0.1, 0.0, 0.4, 0.35)
-    told = {}
-    for pairs in (1, 2):
-        told[pairs] = sentence(CANNOT_TELL, sizes, "maps", 0.95, 0.2, pairs=pairs)
-    bound = "up to 35 % of the map over these landings"
-    for words in (str, in_saturated_words):
-        assert f"{bound} (rms over all pairs) " in words(told[2])
-        assert f"{bound} " in words(told[1])
-        assert "rms" not in words(told[1])
-
-
-def in_saturated_words(said):
-    return str(without_upper_end(said, CANNOT_TELL, 0.0))

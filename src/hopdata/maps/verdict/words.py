@@ -84,12 +84,9 @@ def sentence(
         values["spreads"] = in_spreads(spreads)
     if pairs is not None:
         values["where"] = Message("maps.over_landings")
+    # No difference is told with the bound of each pair: see `with_no_more`.
     if pairs is not None and pairs > 1:
-        # No difference is told with the bound of each pair: see `with_no_more`.
-        if conclusion == DIFFERENT:
-            values["rms"] = Message("maps.rms_of_pairs")
-        if conclusion == CANNOT_TELL:
-            values["where"] = Message("maps.over_landings_rms")
+        values["rms"] = Message("maps.rms_of_pairs")
     if subjects is not None:
         name = f"group_{name}"
         values["subjects"] = subjects
