@@ -64,7 +64,7 @@ def test_the_code_in_the_page_on_the_verdict_runs():
     same, other = scope["same"], scope["other"]
     assert "larger than 5.7 % of the map" in same.sentence
     assert (
-        "by 26 % of the map over these landings (95 % interval 13 % to 34 %)"
+        "by 26 % of the map over these landings (rms over all pairs; 95 % interval 13 % to 34 %)"
         in other.sentence
     )
     assert other.effect.low < scope["truth"](1.0) < other.effect.high

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hopdata.errors import AnalysisError
 from hopdata.maps.one_or_own import CONFIDENCE, _median, one_or_own
 from hopdata.rigid import OUTPUT_NAMES
 
@@ -103,3 +104,15 @@ def test_the_example_is_named_by_its_recording_and_its_number_there():
     named = one_or_own(x, y, schedule, recording=recording, touchdown=numbers)
     assert named["recording"].eq(recording[row]).all()
     assert named["touchdown"].eq(7 + row).all()
+
+
+def test_arrays_of_other_lengths_are_refused():
+    x, y, schedule = study(n=100)
+    for wrong in ((x, y[:5], schedule), (x, y, schedule[:5]), (x[:, 0], y, schedule)):
+        with pytest.raises(AnalysisError, match="x, y, schedule: expected one row per"):
+            one_or_own(*wrong)
+    with pytest.raises(
+        AnalysisError, match="touchdown: expected a value for each of 100"
+    ):
+        one_or_own(x, y, schedule, touchdown=[1, 2])
+    assert one_or_own(x, y, schedule, touchdown=np.arange(100)).empty

@@ -2,6 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hopdata.errors import ConfigError
 from hopdata.maps.prediction import (
     MODELS,
     Population,
@@ -316,3 +317,19 @@ def test_many_thin_classes_are_counted_together():
             "map of these inputs needs 26",
         }
     ]
+
+
+@pytest.mark.parametrize("name", ["bootstraps", "train", "test"])
+@pytest.mark.parametrize("wrong", [0, -1, 1.5])
+def test_numbers_below_one_are_refused(name, wrong):
+    data = study(np.random.default_rng(6), n=100)
+    words = f"^prediction.{name}: expected a whole number, 1 or more, found {wrong}$"
+    with pytest.raises(ConfigError, match=words):
+        bootstrap_prediction(*data, seed=1, **{name: wrong})
+
+
+@pytest.mark.parametrize("name", ["bootstraps", "train", "test"])
+def test_a_number_of_one_is_enough(name):
+    data = study(np.random.default_rng(6), n=100)
+    found = bootstrap_prediction(*data, seed=1, **{"bootstraps": 3, name: 1})
+    assert "mean" in set(found.summary["model"])

@@ -165,10 +165,12 @@ def test_which_orders_differ_is_said_and_tabled():
     pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
     pair |= {"n_first": 31, "n_second": 47, "allowed": 0.1}
     known = verdict(
-        orders=[pair], main_contrast="most of all: landings with foot 1 first"
+        orders=[pair],
+        main_contrast="surest to differ are the orders 1 → 2 and 2 → 1",
     )
     page = Page(build_report(full_study(verdict=known)))
-    assert "Which orders differ: most of all: landings with foot 1 first." in page.text
+    said = "Which orders differ: surest to differ are the orders 1 → 2 and 2 → 1."
+    assert said in page.text
     row = "two maps 1 → 2 and 2 → 1 31, 47 40.0 20.0 50.0 0.0005"
     assert row in page.text
     for assumed in ("max T over 1999 random sign", "up to 10 % in one of these rows"):
@@ -227,6 +229,7 @@ def test_what_own_maps_gain_is_said_in_one_sentence():
     said = one_or_own_table(gained).note.text().replace("\u00a0", " ")
     assert "predict 1 of 2 outcomes better" in said
     assert "for climb, by 10 mm/s where one map misses by 40 mm/s" in said
+    assert "(95 % interval, which holds for each outcome alone)" in said
     nothing = one_or_own_table(gained.assign(gain_low=-1.0)).note.text()
     assert "predict none of these outcomes better" in nothing
 
@@ -309,7 +312,7 @@ def test_what_the_answer_leaves_open_stands_apart_in_ms():
 
 def test_what_holds_at_the_contact_stands_apart():
     values = {"compared": "6 contact orders", "size": "70 %", "where": ""}
-    values |= {"low": "42 %", "high": "90 %", "confidence": "95 %"}
+    values |= {"low": "42 %", "high": "90 %", "confidence": "95 %", "rms": ""}
     different = {"code": "maps.different", "values": values}
     no_upper_end = {"code": "maps.no_upper_end", "values": {"low": "42 %"}}
     parts = {"different": different, "reservation": no_upper_end}
@@ -406,13 +409,13 @@ def test_what_an_interval_leaves_open_is_told_in_milliseconds():
     one = verdict() | {"conclusion": "different", "twice_high_from": 0.0065}
     size = {"code": "maps.different", "values": {"compared": "6 contact orders"}}
     size["values"] |= {"size": "67 %", "where": "", "confidence": "95 %"}
-    size["values"] |= {"low": "42 %", "high": "87 %"}
+    size["values"] |= {"low": "42 %", "high": "87 %", "rms": "rms over all pairs; "}
     open_end = {"code": "maps.may_be_larger"}
     open_end["values"] = {"twice": "175 %", "spreads": "0.59"}
     values = {"different": size, "reservation": open_end}
     sentence = {"code": "maps.different_reserved", "values": values}
     told = [str(part) for part in answer({**one, "messages": {"sentence": sentence}})]
-    assert told[0].endswith("(95 % interval 42 % to 87 %).")
+    assert told[0].endswith("(rms over all pairs; 95 % interval 42 % to 87 %).")
     assert (
         "more than 175 % if it is spent once contacts are some 6.5\u00a0ms" in told[1]
     )

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
+from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import (
     monomials,
     rigid_states,
@@ -82,10 +83,18 @@ def one_or_own(
         how far the two predictions are ``apart``, of how far each missed, and of the
         ``gain`` (by how much less own maps missed) with its interval. Empty if there
         are too few landings or a single order.
+
+    Raises
+    ------
+    AnalysisError
+        If the shapes of the arrays do not match.
     """
     before = np.asarray(x, float)
     after = np.asarray(y, float)
     orders = np.asarray(schedule, str)
+    _require_shapes(before, after, orders)
+    _require_of_each("recording", recording, len(orders))
+    _require_of_each("touchdown", touchdown, len(orders))
     finite = np.isfinite(np.hstack([before, after])).all(axis=1)
     known = np.flatnonzero(finite & (orders != ""))
     before = before[known]
@@ -113,6 +122,22 @@ def one_or_own(
     sizes = {"n_landings": len(outcomes), "n_orders": n_orders}
     table = _table(outcomes, by_one, by_own, example)
     return table.assign(**place, **sizes)[list(COLUMNS)]
+
+
+def _require_shapes(before: FloatArray, after: FloatArray, orders: np.ndarray) -> None:
+    """Raise an `AnalysisError` unless states and orders are of the same landings."""
+    are_tables = before.ndim == 2 and before.shape == after.shape
+    if not are_tables or orders.shape != before.shape[:1]:
+        expected = "one row per landing, (n, 6B), (n, 6B), (n,)"
+        found = f"{before.shape}, {after.shape}, {orders.shape}"
+        raise AnalysisError.at("x, y, schedule", expected, found)
+
+
+def _require_of_each(name: str, values: ArrayLike | None, n_landings: int) -> None:
+    """Raise an `AnalysisError` unless there is a value for each landing, or none."""
+    if values is not None and np.shape(values) != (n_landings,):
+        expected = f"a value for each of {n_landings} landings"
+        raise AnalysisError.at(name, expected, np.shape(values))
 
 
 def _terms(

@@ -20,12 +20,13 @@ what that can mean.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
-from hopdata.errors import chosen
+from hopdata.errors import chosen, require
 from hopdata.maps.affine import (
     affine_test_errors,
     checked,
@@ -267,7 +268,7 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     Raises
     ------
     ConfigError
-        If `draws` is not one of `DRAWS`.
+        If `draws` is not one of `DRAWS`, or a number of splits or landings is below 1.
     ValueError
         If the arrays do not match or hold values that are not finite.
 
@@ -278,6 +279,10 @@ def bootstrap_prediction(  # noqa: PLR0913 - the data, and the method's options
     an error: the result may be an empty table with notes.
     """
     draw = chosen("prediction.draws", draws, DRAWS)
+    counts = {"bootstraps": bootstraps, "train": train, "test": test}
+    for name, count in counts.items():
+        fits = isinstance(count, Integral) and count >= 1
+        require(fits, f"prediction.{name}", "a whole number, 1 or more", count)
     x, y = checked(x, y, schedule, spread)
     populations, notes = select_populations(
         np.asarray(schedule, str), np.asarray(spread, float), minimum_class

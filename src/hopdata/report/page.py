@@ -53,7 +53,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         text, ``labels_right`` by method (%), and ``study``. ``method``, by which the
         contacts were found; ``scaling``, the ``scene`` of the scaling study and how
         many ``controls`` it has; ``has_forces``, whether contacts were compared with
-        forces; ``mainly``, which orders differ most, in words;
+        forces; ``mainly``, which orders differ most or surest, in words;
         ``feet``, their names with their numbers. ``simulated``, whether the
         recordings are of a simulation; ``noise_left``, the share of the noise that
         the corrected map allows for, if it is not all. ``forward``, which way that is

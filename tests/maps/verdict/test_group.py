@@ -315,3 +315,17 @@ def test_too_few_subjects_are_refused():
         AnalysisError, match="expected 3 subjects with an answer or more, found 2"
     ):
         combine(np.zeros(2), 1.0)
+
+
+@pytest.mark.parametrize(
+    "column", ["squared", "squared_error", "along_error", "allowed", "left"]
+)
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_size_that_is_not_known_is_named_with_its_row(column, wrong):
+    table = studies(np.full(8, 0.2), 1)
+    assert np.isfinite(judge_group(table).upper_bound)
+    table[column] = table[column].astype(float)
+    table.loc[2, column] = wrong
+    words = f"members, column {column}, row 3: expected a finite number, found {wrong}"
+    with pytest.raises(AnalysisError, match=f"^{words}$"):
+        judge_group(table)

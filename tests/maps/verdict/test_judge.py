@@ -473,6 +473,20 @@ def test_bad_data_get_a_sentence_and_no_number(name):
     assert answer.notes[-1]["what"] == "verdict"
 
 
+@pytest.mark.parametrize(
+    "names", [["a", "b"], ["a", "b", "c", "d"], ["a", "a", "b"], "abc"]
+)
+def test_names_that_do_not_tell_the_feet_apart_are_refused(names):
+    data = landings(100)
+    arrays = (data.before, data.after, data.instants)
+    with pytest.raises(
+        ConfigError, match=r"^foot_names: expected 3 names, all different, found .*a"
+    ):
+        judge(*arrays, seed=1, foot_names=names)
+    told = judge(*arrays, seed=1, foot_names=("toe", "heel", "thumb"))
+    assert "toe" in told.contacts
+
+
 def test_tables_of_unequal_length_are_refused():
     data = landings(n=300)
     with pytest.raises(
@@ -521,6 +535,20 @@ def test_rows_of_mistakes_are_those_of_the_arrays_given():
     ]
 
 
+def test_of_too_few_landings_those_aside_are_told_if_there_are_any():
+    data = landings(151)
+    assert verdict(data).effect is not None
+    data.after[[2, 99], -1] += 50.0
+    found = verdict(data)
+    assert found.effect is None
+    assert "to fit a map, 2 far off all others aside: expected" in found.sentence
+    assert found.sentence.endswith("found 149.")
+    again = json.loads(json.dumps(found.to_dict()))
+    assert str(Message.from_dict(again["messages"]["sentence"])) == found.sentence
+    few = verdict(landings(100))
+    assert "too few landings to fit a map: expected at least 150" in few.sentence
+
+
 @pytest.mark.parametrize("apart_s", [0.0, 2e-5])
 def test_two_feet_that_always_land_together_are_no_error(apart_s):
     data = landings(strength=0.3)
@@ -544,7 +572,10 @@ def test_landings_without_an_instant_are_counted_and_left_out():
     data.before[6, 2] = np.inf
     answer = verdict(data)
     assert answer.n_landings == 893
-    assert "7 of 900" in answer.notes[0]["reason"]
+    assert answer.notes[0]["reason"] == (
+        "in 7 of the 900 landings used, the state before or after, or the contact "
+        "instant of a foot, is not known"
+    )
 
 
 @pytest.mark.parametrize(

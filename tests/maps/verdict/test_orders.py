@@ -1,7 +1,7 @@
 """Which orders differ: pairs with intervals that hold together, and their words."""
 
 import os
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from hopdata.maps.verdict.orders import (
     mainly,
     orders_table,
 )
+from hopdata.messages import Message
 
 N_STUDIES = 20 if "ALL" in os.environ else 10
 
@@ -207,20 +208,85 @@ def effect(first, low, of="map"):
     return PairEffect(of, first, second, low + 0.1, low, low + 0.2, 0.01, 40, 40, 0.1)
 
 
-def test_without_a_common_trait_the_clearest_pair_is_named():
-    orders = ["1>2>3", "1>3>2", "3>2>1"]
+SIX = [">".join(order) for order in permutations("123")]
+
+
+def of_orders(ends):
+    """Return all pairs of six orders, with these ends of the first intervals."""
     pairs = []
-    for a, b in combinations(orders, 2):
-        low = 0.3 if (a, b) == ("1>2>3", "1>3>2") else 0.0
-        pairs.append(
-            PairEffect("map", a, b, low + 0.3, low, low + 0.5, 0.01, 40, 40, 0.1)
-        )
-    said = str(mainly(pairs, np.zeros((1, 3))))
-    assert said == "most of all: the orders 1 → 2 → 3 and 1 → 3 → 2"
-    named = mainly(pairs, np.zeros((1, 3)), names=("a", "b", "c"))
-    assert str(named) == "most of all: the orders a → b → c and a → c → b"
-    alone = mainly(pairs, np.zeros((1, 3)), alone="3>1>2", names=("a", "b", "c"))
-    assert "only the order c → a → b:" in str(alone)
+    for k, (a, b) in enumerate(combinations(SIX, 2)):
+        low, high = ends[k] if k < len(ends) else (0.0, 0.1)
+        middle = (low + high) / 2
+        pairs.append(PairEffect("map", a, b, middle, low, high, 0.01, 40, 40, 0.1))
+    return pairs
+
+
+def in_words(effects, **changes):
+    return str(mainly(effects, np.zeros((1, 3)), **changes))
+
+
+def test_a_pair_differs_most_only_if_its_interval_is_above_all_others():
+    above = of_orders([(0.3, 0.8), (0.0, 0.29)])
+    assert in_words(above) == "most of all: the orders 1 → 2 → 3 and 1 → 3 → 2"
+    overlap = of_orders([(0.3, 0.8), (0.0, 0.31)])
+    assert in_words(overlap) == (
+        "surest to differ are the orders 1 → 2 → 3 and 1 → 3 → 2, "
+        "though other orders may differ as much or more"
+    )
+    assert "orders a → b → c and a → c → b" in in_words(above, names=("a", "b", "c"))
+    assert "orders a → b → c and a → c → b," in in_words(overlap, names=("a", "b", "c"))
+    alone = in_words(overlap, alone="3>1>2", names=("a", "b", "c"))
+    assert "only the order c → a → b:" in alone
+
+
+def test_pairs_whose_low_ends_read_the_same_are_named_together():
+    same = of_orders([(0.304, 0.8), (0.296, 0.8)])
+    assert in_words(same).startswith(
+        "surest to differ are the orders 1 → 2 → 3 and 1 → 3 → 2, "
+        "and likewise 1 → 2 → 3 and 2 → 1 → 3, though"
+    )
+    other = of_orders([(0.304, 0.8), (0.294, 0.8)])
+    assert "likewise" not in in_words(other)
+    told = mainly(same, np.zeros((1, 3)))
+    assert str(Message.from_dict(told.to_dict())) == str(told)
+
+
+def test_a_jump_is_largest_only_if_its_interval_is_above_all_others():
+    highest = effect("1>3", 0.0, of="jump").high
+    above = [effect("1>2", highest + 0.01, of="jump"), effect("1>3", 0.0, of="jump")]
+    assert in_words(above).startswith("the outcome jumps most where foot 1 and foot 2")
+    overlap = [effect("1>2", highest, of="jump"), effect("1>3", 0.0, of="jump")]
+    assert in_words(overlap) == (
+        "the outcome is surest to jump where foot 1 and foot 2 exchange their order, "
+        "though it may jump as much or more where others do"
+    )
+    same = [effect("1>2", 0.102, of="jump"), effect("1>3", 0.098, of="jump")]
+    assert "foot 1 and foot 2, and likewise foot 1 and foot 3 ex" in in_words(
+        [effect("1>2", 0.302, of="jump"), effect("1>3", 0.298, of="jump")]
+    )
+    assert "likewise" not in in_words(same)
+
+
+def test_feet_matter_most_only_if_their_interval_is_above_all_others():
+    rng = np.random.default_rng(4)
+    instants = rng.standard_normal((300, 4))
+    highest = effect("1>3", 0.0).high
+    above = [effect("1>2", highest + 0.01), effect("1>3", 0.0)]
+    said = str(mainly(above, instants))
+    assert said == "most of all: which comes first of foot 1 and foot 2"
+    overlap = [effect("1>2", highest), effect("1>3", 0.0)]
+    assert str(mainly(overlap, instants)) == (
+        "surest to matter is which comes first of foot 1 and foot 2, "
+        "though that of other feet may matter as much or more"
+    )
+    same = [effect("1>2", 0.302), effect("1>3", 0.298)]
+    assert "foot 1 and foot 2, and likewise foot 1 and foot 3, though" in str(
+        mainly(same, instants)
+    )
+    instants[:, 2] = instants[:, 1]  # the two exchange their order with foot 1 together
+    together = str(mainly(same, instants))
+    assert together.count("foot 1 and foot 3") == 1
+    assert "likewise" not in together
 
 
 def test_the_table_has_a_row_for_each_pair():
@@ -248,3 +314,15 @@ def test_pairs_do_not_depend_on_the_names_of_the_feet():
         ]
         same = sizes[pair["of"], frozenset(ends)]
         assert pair["low"] == pytest.approx(same, abs=1e-8)
+
+
+RMS = ("rms over all pairs; 95 % interval", "rms over all exchanges; 95 % interval")
+
+
+def test_a_size_over_several_pairs_is_said_to_be_an_rms():
+    told = verdict(1, pair=2.0, jump=1.5).sentence
+    assert all(words in told for words in RMS)
+    of_one_pair = verdict(1, feet=2, pair=2.0, jump=1.5).sentence
+    assert "are different: by" in of_one_pair
+    assert "the outcome jumps by" in of_one_pair
+    assert "rms" not in of_one_pair

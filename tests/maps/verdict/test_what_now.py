@@ -98,7 +98,7 @@ def test_too_few_landings_are_told_with_the_number_that_is_missing():
 
 def test_few_landings_in_one_order_need_a_second_order_too():
     too_few = AnalysisError(
-        Message("maps.too_few_landings", {"least": 150, "found": 42})
+        Message("maps.too_few_landings", {"least": 150, "found": 42, "aside": ""})
     )
     once = [{"order": "2 → 3 → 1", "landings": 42}]
     found = limits_of_reason(too_few, once)

@@ -1,5 +1,6 @@
 """What a study brings to its verdict: its arrays and options, and their checks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from numbers import Integral, Real
@@ -70,7 +71,11 @@ class Measured:
             feet_se = self.feet_se[known]
         contacts = inputs.Contacts(self.instants[known], errors, feet, feet_se)
         return inputs.section_landings(
-            self.before[known], self.after[known], contacts, self.session(known)
+            self.before[known],
+            self.after[known],
+            contacts,
+            self.session(known),
+            aside=self.n_known - len(known),
         )
 
     def session(self, known: IntArray) -> Session:
@@ -118,6 +123,17 @@ def _require_no_negative(name: str, errors: FloatArray) -> None:
     below = int((errors < 0.0).sum())
     wanted = "standard errors, zero or more"
     require(below == 0, name, wanted, f"{below} below zero")
+
+
+def require_foot_names(foot_names: Sequence[str], n_feet: int) -> None:
+    """Raise a `ConfigError` unless each foot has a name of its own, or none has one."""
+    names = tuple(foot_names)
+    is_list = not isinstance(foot_names, str)
+    fits = is_list and len(names) == len(set(names)) == n_feet
+    found: Any = ", ".join(str(name) for name in names)
+    if not is_list:
+        found = repr(foot_names)
+    require(not names or fits, "foot_names", f"{n_feet} names, all different", found)
 
 
 def with_feet(

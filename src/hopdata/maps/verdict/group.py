@@ -230,10 +230,11 @@ def judge_group(
     Raises
     ------
     AnalysisError
-        If there are too few subjects.
+        If there are too few subjects, or if a size is missing or infinite.
     """
     from scipy.stats import binom, t
 
+    _require_sizes(members)
     found = combine(members["squared"].to_numpy(float), variance(members))
 
     fewest, of_mean = joint_level(found.n, confidence)
@@ -287,6 +288,20 @@ def judge_group(
         alone_p_value=chance,
         combined=found,
     )
+
+
+def _require_sizes(members: pd.DataFrame) -> None:
+    """Raise an `AnalysisError` on the first size that is not a finite number."""
+    for column in _SIZES:
+        is_known = np.isfinite(members[column].to_numpy(float))
+        if not is_known.all():
+            row = int(np.argmin(is_known))
+            place = f"members, column {column}, row {row + 1}"
+            found = members[column].iloc[row]
+            raise AnalysisError.at(place, "a finite number", found)
+
+
+_SIZES = ("squared", "squared_error", "along_error", "allowed", "left")
 
 
 def compare_conditions(

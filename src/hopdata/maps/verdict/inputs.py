@@ -187,7 +187,7 @@ class Contacts:
 
 
 def section_landings(
-    x: FloatArray, y: FloatArray, contacts: Contacts, session: Session
+    x: FloatArray, y: FloatArray, contacts: Contacts, session: Session, aside: int = 0
 ) -> SectionLandings:
     """Convert pairs to dimensionless coordinates.
 
@@ -200,6 +200,9 @@ def section_landings(
         Contact instants, and the feet before them.
     session
         When and where the landings were recorded.
+    aside
+        Number of landings that are left out as far off, which the error on too few
+        tells.
 
     Raises
     ------
@@ -208,8 +211,11 @@ def section_landings(
         states or instants do not vary.
     """
     n_landings, n_feet = contacts.instants.shape
-    _require("too_few_feet", least=2, found=n_feet)
-    _require("too_few_landings", least=least_landings(n_feet), found=n_landings)
+    if n_feet < 2:
+        values = {"least": 2, "found": n_feet}
+        raise AnalysisError(Message("maps.too_few_feet", values))
+    if n_landings < least_landings(n_feet):
+        raise AnalysisError(_too_few(n_landings, n_feet, aside))
     if not np.ptp(contacts.instants, axis=1).any():
         raise AnalysisError(Message("maps.same_instants"))
 
@@ -338,9 +344,17 @@ def _missed_by_state(states: FloatArray, instants: FloatArray) -> float:
         return float(np.mean(relative**2))
 
 
-def _require(name: str, *, least: int, found: int) -> None:
-    if found < least:
-        raise AnalysisError(Message(f"maps.{name}", {"least": least, "found": found}))
+def _too_few(n_landings: int, n_feet: int, aside: int) -> Message:
+    """Return what is said of too few landings, of which some may be left out."""
+    of_aside: Message | str = ""
+    if aside:
+        of_aside = Message("maps.far_off_aside", {"aside": aside})
+    values = {
+        "least": least_landings(n_feet),
+        "found": n_landings,
+        "aside": of_aside,
+    }
+    return Message("maps.too_few_landings", values)
 
 
 def _whitened_states(inputs: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from hopdata.errors import AnalysisError, told_call
 from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import data, inputs, limits
 from hopdata.maps.verdict import orders as which
-from hopdata.maps.verdict.comparison import compared
+from hopdata.maps.verdict.comparison import Comparison, compared
 from hopdata.maps.verdict.data import Measured, Options
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.preliminary import preliminary
@@ -147,7 +147,9 @@ class Verdict(Shown):
         Size of each pair of contact orders, or of feet, and of each order against all
         others: see `hopdata.maps.verdict.orders.PairEffect`.
     main_contrast
-        Which orders differ most, in words; empty if no pair was found.
+        Which orders differ most or surest, in words; empty if no pair was found. That
+        of the surest is not tested against other pairs: see
+        `hopdata.maps.verdict.orders.mainly`.
     gross_errors
         Rows, from 1, of the landings that were left out as far off, by reason: see
         `hopdata.maps.verdict.rows`.
@@ -343,20 +345,23 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         if half a period of its cut-off is longer than a landing from section to
         section. `judge` cannot see it, and its bounds would be too low.
     foot_names
-        Names of the feet, by which sentences call them; by default their numbers.
+        (feet) names of the feet, all different, by which sentences call them; by
+        default their numbers.
 
     Raises
     ------
     AnalysisError
         If the shapes of the arrays do not match.
     ConfigError
-        If another argument is not a number in its range.
+        If another argument is not a number in its range, or the names of the feet are
+        too few, too many or not different.
     """
     measured = data.measured(x, y, instants, instants_se)
     measured = data.with_feet(measured, feet, feet_se)
     measured = data.with_session(measured, time, blocks)
     options = Options(seed, margin, confidence, power, flips)
     options.check()
+    data.require_foot_names(foot_names, measured.n_feet)
     left_out = limits.left_out(measured.known())
     try:
         if blurred:
@@ -382,13 +387,12 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
 
     answer = _answer(
         reading,
-        comparison.what,
+        comparison,
         measured,
         options,
         spreads,
     )
-    if jump is not None and jump.low > 0.0:
-        answer = _with_jump(answer, jump, comparison.what, options)
+    answer = _with_jump(answer, reading, comparison.what, options)
     contacts = contacts_said(landings)
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(reading, jumps=jumps)
@@ -546,7 +550,7 @@ class _Answer:
 
 def _answer(
     reading: Reading,
-    what: Message,
+    comparison: Comparison,
     measured: Measured,
     options: Options,
     spreads: float | None,
@@ -572,18 +576,19 @@ def _answer(
         if conclusion == DIFFERENT and reading.surely_saturates:
             code = "maps.outlook_saturates"
         could_show = Message(code, {"outlook": could_show})
+    pairs = len(comparison.names)
     said = sentence(
         conclusion,
         sizes.effect.sizes(),
-        what,
+        comparison.what,
         options.confidence,
         options.margin,
         spreads=spreads,
-        over_landings=True,
+        pairs=pairs,
     )
     if conclusion == NO_DIFFERENCE:
         pair = None
-        if measured.n_feet > 2:
+        if pairs > 1:
             pair = which.largest_high(sizes.orders, which.OF_MAP)
         jump = which.largest_high(sizes.orders, which.OF_JUMP)
         said = with_no_more(said, jump, pair, margin=options.margin)
@@ -618,12 +623,16 @@ def _reserved(
 
 
 def _with_jump(
-    answer: _Answer, jump: EffectSize, what: Message, options: Options
+    answer: _Answer, reading: Reading, what: Message, options: Options
 ) -> _Answer:
-    """Return the answer if the outcome jumps, beside the size or without it."""
-    jumps = jump_said(jump, options.confidence)
+    """Return the answer with what a jump adds to it or, if none was found, as it is."""
+    jump = reading.sizes.jump
+    steps = reading.fit.jumps
+    if steps is None or jump is None or not jump.low > 0.0:
+        return answer
+    said = jump_said(jump, options.confidence, len(steps.exchanges))
     if answer.conclusion == DIFFERENT:
-        both = {"different": answer.sentence, "jump": jumps}
+        both = {"different": answer.sentence, "jump": said}
         return replace(answer, sentence=Message("maps.different_and_jump", both))
     # Statements about derivatives are useless beside a jump.
     shown = {"detectable": percent(jump.detectable), "power": as_given(options.power)}
@@ -631,7 +640,7 @@ def _with_jump(
         conclusion=DIFFERENT,
         decided_by="jump",
         landings_needed=None,
-        sentence=Message("maps.jump_decides", {"compared": what, "jump": jumps}),
+        sentence=Message("maps.jump_decides", {"compared": what, "jump": said}),
         outlook=Message("maps.outlook_jump", shown),
     )
 

@@ -38,7 +38,7 @@ from hopdata.maps.verdict.exchanges import TOGETHER
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit
 from hopdata.maps.verdict.signs import Draws, SignedErrors, level_of
-from hopdata.messages import Message
+from hopdata.messages import Message, in_per_cent
 
 #: Share of the level that the test of jumps has, if there can be any.
 #: Unit: 1. Origin: measured: beside a test of kinks alone the size of kinks that is
@@ -362,12 +362,15 @@ def mainly(
     alone: str = "",
     names: Sequence[str] = (),
 ) -> Message | None:
-    """Return which orders differ most, or which feet; None if no pair was found.
+    """Return which orders differ most or surest, or which feet; None if none was found.
 
     What a group of pairs has in common is said if all of the group were found and even
     the low ends of their intervals are above the estimates of all other pairs.
-    Otherwise the pair with the largest low end is named. Of feet, pairs that exchange
-    their order together are named together, since few landings or none tell them apart.
+    Otherwise the pair with the largest low end is named. It is said to differ most if
+    this end is above the high ends of all others, whose intervals hold together. If
+    not, it is said to be surest to differ: another seed may name another, and pairs
+    whose low ends read the same are named together. Of feet, pairs that exchange their
+    order together are named together, since few landings or none tell them apart.
 
     Parameters
     ----------
@@ -394,13 +397,75 @@ def mainly(
 def _mainly_maps(
     effects: Sequence[PairEffect], instants: FloatArray, names: Sequence[str]
 ) -> Message | None:
-    found = [effect for effect in effects if effect.low > 0.0]
-    if not found or len(effects) == 1:
+    surest = _surest(effects)
+    if not surest or len(effects) == 1:
         return None
-    largest = max(found, key=lambda effect: effect.low)
-    if len(_feet(largest.first)) == 2:
-        together = _together(largest, instants, names)
-        return Message("maps.mainly_feet", {"feet": together})
+    is_largest = _is_largest(surest[0], effects)
+    if len(_feet(surest[0].first)) == 2:
+        together = _together(surest, instants, names)
+        code = "maps.surest_feet"
+        if is_largest:
+            code = "maps.mainly_feet"
+        return Message(code, {"feet": together})
+    common = _in_common(effects, names)
+    if common is not None:
+        return common
+    values = [
+        {
+            "first": with_foot_names(effect.first, names),
+            "second": with_foot_names(effect.second, names),
+        }
+        for effect in surest
+    ]
+    if is_largest:
+        return Message("maps.mainly_pair", values[0])
+    pairs = [Message("maps.two_orders", pair) for pair in values]
+    return Message("maps.surest_pair", {"pairs": _and_likewise(pairs)})
+
+
+def _mainly_jump(effects: Sequence[PairEffect], names: Sequence[str]) -> Message | None:
+    surest = _surest(effects)
+    if not surest or len(effects) == 1:
+        return None
+    exchanges = []
+    for effect in surest:
+        said = []
+        for order in effect.first.split(AND):
+            first, second = sorted(int(foot) - 1 for foot in _feet(order))
+            said.append(_both(first, second, names))
+        exchanges.append(_any_of(said))
+    code = "maps.surest_jump"
+    if _is_largest(surest[0], effects):
+        code = "maps.mainly_jump"
+    return Message(code, {"feet": _and_likewise(exchanges)})
+
+
+def _surest(effects: Sequence[PairEffect]) -> list[PairEffect]:
+    """Return the pair with the largest low end, and those whose low end reads the same.
+
+    Of pairs of which none was found, there is none.
+    """
+    found = [effect for effect in effects if effect.low > 0.0]
+    found.sort(key=lambda effect: -effect.low)
+    return [one for one in found if in_per_cent(one.low) == in_per_cent(found[0].low)]
+
+
+def _is_largest(one: PairEffect, effects: Sequence[PairEffect]) -> bool:
+    """Tell whether the intervals, which hold together, leave no pair as large."""
+    return all(one.low > effect.high for effect in effects if effect is not one)
+
+
+def _and_likewise(said: Sequence[Message | str]) -> Message | str:
+    """Return the pairs as one list."""
+    pairs = said[0]
+    for another in said[1:]:
+        values = {"pairs": pairs, "another": another}
+        pairs = Message("maps.and_likewise", values)
+    return pairs
+
+
+def _in_common(effects: Sequence[PairEffect], names: Sequence[str]) -> Message | None:
+    """Return what the largest group of clearly larger pairs has in common, if any."""
     best: Message | None = None
     most = 0
     for said, parted in _statements(effects, names):
@@ -417,37 +482,37 @@ def _mainly_maps(
         if least > max(0.0, *(effect.estimate for effect in others)):
             best = said
             most = len(group)
-    values = {
-        "first": with_foot_names(largest.first, names),
-        "second": with_foot_names(largest.second, names),
-    }
-    return best or Message("maps.mainly_pair", values)
+    return best
 
 
-def _mainly_jump(effects: Sequence[PairEffect], names: Sequence[str]) -> Message | None:
-    found = [effect for effect in effects if effect.low > 0.0]
-    if not found or len(effects) == 1:
-        return None
-    largest = max(found, key=lambda effect: effect.low)
+def _together(
+    effects: Sequence[PairEffect], instants: FloatArray, names: Sequence[str]
+) -> Message | str:
+    """Return pairs of feet, each with all that exchange their order with it."""
+    named: set[tuple[int, int]] = set()
     said = []
-    for order in largest.first.split(AND):
-        first, second = sorted(int(foot) - 1 for foot in _feet(order))
-        said.append(_both(first, second, names))
-    return Message("maps.mainly_jump", {"feet": _any_of(said)})
+    for effect in effects:
+        first, second = sorted(int(foot) - 1 for foot in _feet(effect.first))
+        if (first, second) in named:
+            continue
+        alike = [(first, second), *_exchanged_with(first, second, instants)]
+        named.update(alike)
+        said.append(_any_of([_both(i, j, names) for i, j in alike]))
+    return _and_likewise(said)
 
 
-def _together(effect: PairEffect, instants: FloatArray, names: Sequence[str]) -> str:
-    """Return the two feet, and all pairs that exchange their order with them."""
-    feet = _feet(effect.first)
-    first, second = (int(foot) - 1 for foot in feet)
+def _exchanged_with(
+    first: int, second: int, instants: FloatArray
+) -> list[tuple[int, int]]:
+    """Return the pairs of feet that exchange their order together with these two."""
     exchanged = np.sign(instants[:, first] - instants[:, second])
-    said = [_both(first, second, names)]
+    found = []
     for i, j in combinations(range(instants.shape[1]), 2):
         other = np.sign(instants[:, i] - instants[:, j])
         alike = abs(float(np.mean(exchanged * other)))
-        if {i, j} != {first, second} and alike > TOGETHER:
-            said.append(_both(i, j, names))
-    return _any_of(said)
+        if (i, j) != (first, second) and alike > TOGETHER:
+            found.append((i, j))
+    return found
 
 
 def _any_of(said: list[str]) -> str:

@@ -40,7 +40,7 @@ def sentence(
     *,
     subjects: int | None = None,
     spreads: float | None = None,
-    over_landings: bool = False,
+    pairs: int | None = None,
 ) -> Message:
     """Return a conclusion in one sentence.
 
@@ -59,14 +59,16 @@ def sentence(
     spreads
         `Verdict.holds_from` in contact spreads: what the bound does not cover is said
         with it.
-    over_landings
-        Whether the sizes are those over the landings.
+    pairs
+        Number of pairs of maps, of whose differences over the landings the sizes are
+        the rms; None if the sizes are not those over the landings.
     """
     require_choice("conclusion", conclusion, CONCLUSIONS)
     estimate, low, high, bound = sizes
     values: dict[str, Any] = {
         "compared": compared,
         "where": "",
+        "rms": "",
         "size": percent(estimate),
         "low": percent(low),
         "high": percent(high),
@@ -80,8 +82,11 @@ def sentence(
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = in_spreads(spreads)
-    if over_landings:
+    if pairs is not None:
         values["where"] = Message("maps.over_landings")
+    # No difference is told with the bound of each pair: see `with_no_more`.
+    if pairs is not None and pairs > 1:
+        values["rms"] = Message("maps.rms_of_pairs")
     if subjects is not None:
         name = f"group_{name}"
         values["subjects"] = subjects
@@ -204,9 +209,13 @@ def two_digits(number: float) -> int:
     return int(float(f"{number:.1e}"))
 
 
-def jump_said(jump: EffectSize, confidence: float) -> Message:
-    """Return the size of a jump, as a part of a sentence."""
-    values = {
+def jump_said(jump: EffectSize, confidence: float, exchanges: int = 1) -> Message:
+    """Return the size of a jump, the rms over all exchanges, as part of a sentence."""
+    rms: Message | str = ""
+    if exchanges > 1:
+        rms = Message("maps.rms_of_exchanges")
+    values: dict[str, Any] = {
+        "rms": rms,
         "size": percent(jump.estimate),
         "low": percent(jump.low),
         "high": percent(jump.high),
