@@ -22,7 +22,7 @@ import hopdata as hd
 from hopdata.__main__ import main
 from hopdata.figures.sizes import sizes_figure
 from hopdata.figures.verdict import group_figure
-from hopdata.group import contacts_of, one_by_one, put_together
+from hopdata.group import contacts_of, landings_left_out, one_by_one, put_together
 from hopdata.report.group_page import build_group_page
 
 ROOT = Path(__file__).parents[1]
@@ -296,6 +296,12 @@ def test_contacts_of_a_study_are_told_whatever_its_answer():
     assert none["timed"] == 0
     assert none["feet"][0]["se_s"] is None
     assert none["orders"] == []
+
+
+def test_landings_that_a_study_left_out_are_counted_and_other_descents_are_not():
+    table = landed().assign(reason=["by hand", "", "", "no foot of the study landed"])
+    assert landings_left_out(table) == 1
+    assert landings_left_out(table.assign(excluded=False)) == 0
 
 
 def undecided(subject, **more):

@@ -83,11 +83,23 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
         of_landings = asdict(verdict.effect_over_landings)
         row |= {f"over_landings_{size}": of_landings[size] for size in SIZES}
     row["landings"] = verdict.n_landings
+    row["excluded"] = landings_left_out(study.touchdowns)
     row["landings_needed"] = verdict.landings_needed
     row["decided_by"] = verdict.decided_by
     row["quality"] = [[check["what"], check["status"]] for check in checks]
     row["what_now"] = list(verdict.what_now)
     return reason
+
+
+def landings_left_out(touchdowns: pd.DataFrame) -> int:
+    """Return of how many landings the maps of a study know nothing, by its table.
+
+    Descents in which no foot of the study lands are none.
+    """
+    from hopdata.report.tables import NO_FOOT_LANDED, excluded
+
+    landed = touchdowns["reason"] != NO_FOOT_LANDED
+    return int((landed & excluded(touchdowns)).sum())
 
 
 def contacts_of(touchdowns: pd.DataFrame) -> dict[str, Any]:

@@ -174,7 +174,7 @@ def test_long_lists_of_faults_and_exclusions_end_with_how_many_more():
 
 def test_without_remarks_that_is_said():
     assert (
-        "no remarks on the recordings"
+        "no remarks on files and markers"
         in Page(build_report(full_study(remarks=remarks(0)))).text
     )
 

@@ -3,7 +3,7 @@
 import pytest
 from fake_study import full_study, no_answer, verdict
 
-from hopdata.report.what_now import further_advice, limits
+from hopdata.report.what_now import further_advice, limits, limits_of_group
 
 LANDINGS = {
     "cause": "landings",
@@ -55,6 +55,22 @@ def test_landings_left_out_are_named_only_if_some_were():
         (found,) = limits(known, excluded=excluded)
         assert ("that were left out" in str(found.advice)) == is_named
         assert "ore of the same gait" in str(found.advice)
+
+
+@pytest.mark.parametrize(
+    ("excluded", "is_named"), [((0, 0), False), ((0, 3), True), ((0, None), True)]
+)
+def test_of_a_group_landings_left_out_are_named_only_if_some_were(excluded, is_named):
+    rows = []
+    for subject, count in zip("ab", excluded, strict=True):
+        row = {"subject": subject, "condition": "", "conclusion": "cannot tell"}
+        row |= {"reason": "too few", "what_now": [LANDINGS]}
+        # Rows of earlier versions do not have it.
+        rows.append(row if count is None else row | {"excluded": count})
+    (found,) = limits_of_group(rows)
+    assert "2 of 2 studies (a; b)" in str(found.said)
+    assert ("that were left out" in str(found.advice)) == is_named
+    assert "ore of the same gait" in str(found.advice)
 
 
 def test_what_stands_already_is_the_bound_if_there_is_one():

@@ -215,8 +215,10 @@ def limits_of_group(rows: Sequence[Mapping[str, Any]]) -> list[Limit]:
     Parameters
     ----------
     rows : sequence of mappings
-        A row for each study, with the ``what_now`` of its verdict, if it is known.
+        A row for each study, with the ``what_now`` of its verdict, if it is known, and
+        ``excluded``, how many of its landings were left out.
     """
+    lost = {study_name(row) for row in rows if row.get("excluded") != 0}
     subjects: dict[str, list[str]] = {}
     for row in rows:
         if not row["reason"] and row["conclusion"] in ANSWERS:
@@ -230,7 +232,10 @@ def limits_of_group(rows: Sequence[Mapping[str, Any]]) -> list[Limit]:
             "limit": Message(LIMITS[code]),
             "studies": f"{len(of_limit)} of {len(rows)} studies ({_listed(of_limit)})",
         }
-        found.append(Limit(Message("report.group_limit", values), Message(code)))
+        advice = code
+        if code == MORE_LANDINGS and not lost.intersection(of_limit):
+            advice = MORE_OF_ALL_USED
+        found.append(Limit(Message("report.group_limit", values), Message(advice)))
     return found
 
 

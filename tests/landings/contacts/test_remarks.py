@@ -17,8 +17,11 @@ from hopdata.landings.contacts.remarks import (
     BOUNCES,
     EXCHANGED,
     FILLED,
+    LEAST_DEPTH_M,
     OF_FEET,
+    SINKS_ON,
     SPIKES,
+    SPRINGS_BACK,
     contact_remarks,
     one_for_all_feet,
 )
@@ -27,6 +30,7 @@ from hopdata.messages import ENGLISH, Message, _templates
 
 HOPS = 14
 FEW_LANDINGS = [2, 5, 9]
+STANDS_S = 0.2
 GAP = 3  # frames on either side of a contact
 
 
@@ -58,6 +62,22 @@ def bouncing(recording, foot, instants, high_m):
             begin_s += 2 * speed / GRAVITY_M_S2
             speed *= 0.4
     return moved(recording, foot, lambda track: track + np.outer(above, [0, 0, 1]))
+
+
+def sinking_on(recording, foot, instants, *, depth_m, constant_s):
+    """Let a foot sink exponentially after its contacts, until it is off the floor."""
+    since = np.maximum(recording.time[:, None] - instants, 0.0)
+    back = np.clip((since - STANDS_S) / STANDS_S, 0.0, 1.0)
+    sunk = depth_m * (1 - np.exp(-since / constant_s)) * (1 - back)
+    sunk_m = sunk.sum(axis=1)
+    return moved(recording, foot, lambda track: track - np.outer(sunk_m, [0, 0, 1]))
+
+
+def dipping(recording, foot, instants, depth_m):
+    """Let a foot sink after its contacts and come back, deepest after 20 ms."""
+    after = np.maximum(recording.time[:, None] - instants, 0.0) / 0.02
+    sunk = (depth_m * after * np.exp(1 - after)).sum(axis=1)
+    return moved(recording, foot, lambda track: track - np.outer(sunk, [0, 0, 1]))
 
 
 def about(recording, instant):
@@ -146,6 +166,46 @@ def test_a_foot_that_bounces_is_told_with_the_error_of_its_contacts():
     assert remark.values["landings"] == own["found"].sum() > HOPS / 2
     assert remark.values["ms"] == 1e3 * own["common_s"].iloc[0] > 1.0
     assert f"{foot} bounces" in str(remark)
+
+
+def test_a_foot_that_sinks_on_is_not_said_to_bounce():
+    recording, contact_s = hopping(1)
+    foot = recording.names("foot")[1]
+    sunk = sinking_on(recording, foot, contact_s[:, 1], depth_m=0.01, constant_s=0.015)
+    remarks, found = told(sunk)
+    (remark,) = remarks
+    own = found.table[found.table["foot"] == foot]
+    assert remark.code == SINKS_ON
+    assert remark.values["foot"] == foot
+    assert remark.values["ms"] == 1e3 * own["common_s"].iloc[0]
+    # An exponential of 10 mm is 2 mm above its end in the mean from 15 to 50 ms.
+    assert 0.5 < remark.values["mm"] < 2.0
+    assert f"{foot} sinks on after its contacts" in str(remark)
+
+
+@pytest.mark.parametrize(
+    ("depth_m", "codes"), [(0.0, []), (0.0003, []), (0.001, [SPRINGS_BACK])]
+)
+def test_a_dip_is_told_where_it_can_be_seen(depth_m, codes):
+    recording, truth = hd.synthesize(
+        "quadruped",
+        simulation={"hops": HOPS},
+        motion_capture={"noise_m": 1e-4},
+        seed=1,
+    )
+    foot = recording.names("foot")[1]
+    remarks, _ = told(dipping(recording, foot, truth.contact_times[:, 1], depth_m))
+    assert [one.code for one in remarks] == codes
+    assert all(one.values["mm"] > 1e3 * LEAST_DEPTH_M for one in remarks)
+
+
+@pytest.mark.parametrize("code", [BOUNCES, SINKS_ON, SPRINGS_BACK])
+def test_an_error_below_a_millisecond_is_not_told_as_none(code):
+    values = {"foot": "a", "landings": 7, "often": "7 landings", "ms": 0.32, "mm": 1.0}
+    one = Message(code, values)
+    (several,) = one_for_all_feet([one, one])
+    for remark in (one, several):
+        assert "0.32 ms" in str(remark)
 
 
 #: Spikes before, at and after the contact; each takes 14 s, so the last two with `ALL=1`.

@@ -96,6 +96,39 @@ def test_too_few_landings_are_told_with_the_number_that_is_missing():
     assert (only["values"]["found"], only["values"]["least"]) == (100, 150)
 
 
+def test_landings_that_were_lost_are_told_with_the_reason():
+    """The page said so of landings that were left out, where its table had none."""
+    data = landings(100, seed=1)
+    whole = judge(data.before, data.after, data.instants, seed=1, flips=99)
+    (only,) = whole.what_now
+    assert only["code"] == "maps.none_for_landings"
+    assert "left out" not in only["said"]
+    assert "lost" not in only["values"]
+    assert whole.gross_errors == {}
+
+    instants = data.instants.copy()
+    instants[3, 1] = np.nan
+    before = data.before.copy()
+    before[7] = np.nan
+    after = data.after.copy()
+    # A marker of the body is 0.2 m off.
+    after[11, 0] += 0.2
+    spoilt = judge(before, after, instants, seed=1, flips=99)
+    (only,) = spoilt.what_now
+    assert only["cause"] == "landings"
+    assert only["values"]["found"] == 97
+    assert only["values"]["lost"] == 3
+    assert only["values"]["rows"] == {
+        "without_state": [8],
+        "without_contact": [4],
+        "markers_apart": [12],
+    }
+    assert "Not counted, of the touchdowns used: 1 without a state" in only["said"]
+    assert "1 without the contact of a foot" in only["said"]
+    assert "1 with body markers that are not quite as far apart" in only["said"]
+    assert spoilt.gross_errors == {"markers_apart": [12]}
+
+
 def test_few_landings_in_one_order_need_a_second_order_too():
     too_few = AnalysisError(
         Message("maps.too_few_landings", {"least": 150, "found": 42, "aside": ""})

@@ -1,9 +1,10 @@
-"""Feet that bounce off at once: they seem to stand higher than they come to rest.
+"""Feet that stand higher at first than at rest: they bounce off, or sink on.
 
 A rigid foot that leaves the floor again by some millimetres, within frames of its
 contact, raises the floor of the fit, so that its contacts are early: by half a
-millisecond to three in feet that rise by 1 to 15 mm. No frame tells a bounce from
-noise; the mean over landings does.
+millisecond to three in feet that rise by 1 to 15 mm. So does a foot that loses part of
+its speed at its contact and then sinks on for tens of milliseconds. No frame tells a
+bounce from noise, or from sinking; the mean over landings does.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import SD_PER_MAD, BoolArray, FloatArray, IntArray
 
 #: Time after a contact in which a foot is down: the lowest of these frames say where.
 #: Unit: s. Origin: chosen.
@@ -42,6 +43,15 @@ CLEARLY = 2.0
 #: Unit: 1. Origin: measured: feet that bounce by 1 to 15 mm at 100 and 200 Hz
 #: (`tests/landings/contacts/test_bounces.py`).
 HIDES = 2.0
+
+#: Length of the spans after a contact over which heights are averaged, to see whether
+#: the foot rises; of slow recordings, a frame.
+#: Unit: s. Origin: chosen: a foot that bounces by 1 mm is in the air for six of them.
+SPAN_S = 0.005
+
+#: Height by which feet must rise, and come down again, in standard errors of its mean.
+#: Unit: standard errors. Origin: chosen: above `CLEARLY`, since many spans are tried.
+RISES_CLEARLY = 3.0
 
 
 def bounce_errors(
@@ -92,6 +102,78 @@ def bounces(
         if usual_m > CLEARLY * noise_m / np.sqrt(len(known_m)):
             higher[foot] = usual_m
     return higher
+
+
+def rises(
+    time: FloatArray, heights: FloatArray, instant: FloatArray, noise_m: float
+) -> BoolArray:
+    """Tell which feet rise from the floor after contacts and come down again, (n,).
+
+    A foot that bounces is higher than at its contact in the mean over landings. One
+    that sinks on to its rest never is, even if it wavers there; one that dips and comes
+    back stays up.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, n) array
+        Heights of the feet, m; NaN where unseen.
+    instant : (L, n) array
+        Contacts, s; NaN for none.
+    noise_m : float
+        Standard deviation of a height, m.
+    """
+    span_s = max(SPAN_S, float(np.median(np.diff(time))))
+    since_s = np.arange(0.0, RESTS_S + span_s / 2, span_s)
+    n_tops = int((since_s < BOUNCES_S).sum())
+    found = np.zeros(heights.shape[1], dtype=bool)
+    for foot, height in enumerate(heights.T):
+        at = instant[np.isfinite(instant[:, foot]), foot]
+        by_span = _by_span(time, height, at, since_s)
+        found[foot] = _rises_and_falls(by_span, n_tops, noise_m)
+    return found
+
+
+def _by_span(
+    time: FloatArray, height: FloatArray, instant: FloatArray, since_s: FloatArray
+) -> FloatArray:
+    """Return mean heights (L, spans), m, between times since contacts (spans + 1,)."""
+    edges = np.searchsorted(time, instant[:, None] + since_s)
+    seen = np.isfinite(height)
+    count = np.concatenate([[0], np.cumsum(seen)])
+    total = np.concatenate([[0.0], np.cumsum(np.where(seen, height, 0.0))])
+    n_seen = np.diff(count[edges], axis=1)
+    sums = np.diff(total[edges], axis=1)
+    means = np.full(n_seen.shape, np.nan)
+    np.divide(sums, n_seen, out=means, where=n_seen > 0)
+    return means
+
+
+def _rises_and_falls(heights: FloatArray, n_tops: int, noise_m: float) -> bool:
+    """Tell whether feet are higher than in the first span, and than in a later one.
+
+    `heights` (L, spans), m; of the spans, `n_tops` are tried.
+    """
+    n_spans = heights.shape[1]
+    for top in range(1, n_tops):
+        above = heights[:, [top]] - heights
+        if not _is_positive(above[:, 0], noise_m):
+            continue
+        if any(_is_positive(above[:, k], noise_m) for k in range(top + 1, n_spans)):
+            return True
+    return False
+
+
+def _is_positive(differences: FloatArray, noise_m: float) -> bool:
+    """Tell whether differences of two heights, m, are positive in the mean."""
+    known = differences[np.isfinite(differences)]
+    if not len(known):
+        return False
+    usual_m = float(np.median(known))
+    scatter_m = SD_PER_MAD * float(np.median(np.abs(known - usual_m)))
+    error_m = max(scatter_m, np.sqrt(2) * noise_m) / np.sqrt(len(known))
+    return usual_m > RISES_CLEARLY * error_m
 
 
 def _higher_at_first(

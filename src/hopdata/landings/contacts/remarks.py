@@ -15,7 +15,7 @@ from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.errors import counted
 from hopdata.landings.contacts import descents, joined
 from hopdata.landings.contacts.altered import resampled_error
-from hopdata.landings.contacts.bounces import bounces
+from hopdata.landings.contacts.bounces import bounces, rises
 from hopdata.landings.contacts.doubted import kinds_of_doubt
 from hopdata.landings.contacts.noise import height_noise
 from hopdata.landings.contacts.passes import LONG_WINDOWS_S
@@ -25,28 +25,36 @@ from hopdata.messages import Message
 from hopdata.recording import Recording
 
 BOUNCES = "landings.foot_bounces"
+SINKS_ON = "landings.foot_sinks_on"
 SPRINGS_BACK = "landings.foot_springs_back"
 FILLED = "landings.foot_frames_filled"
 EXCHANGED = "landings.foot_exchanged"
 SPIKES = "landings.foot_spikes"
 
-CODES = (BOUNCES, SPRINGS_BACK, FILLED, EXCHANGED, SPIKES)
+CODES = (BOUNCES, SINKS_ON, SPRINGS_BACK, FILLED, EXCHANGED, SPIKES)
 
 # The remark on several feet, and what it says of each.
 OF_FEET = {
     BOUNCES: "landings.feet_bounce",
+    SINKS_ON: "landings.feet_sink_on",
     SPRINGS_BACK: "landings.feet_spring_back",
     FILLED: "landings.feet_frames_filled",
     EXCHANGED: "landings.feet_exchanged",
     SPIKES: "landings.feet_spikes",
 }
 _OF_EACH = {
-    BOUNCES: "{foot} ({often}, some {ms:.0f} ms)",
-    SPRINGS_BACK: "{foot} ({often}, by {mm:.1f} mm, {ms:.1f} ms)",
+    BOUNCES: "{foot} ({often}, some {ms:.2g} ms)",
+    SINKS_ON: "{foot} ({often}, {mm:.2g} mm, {ms:.2g} ms)",
+    SPRINGS_BACK: "{foot} ({often}, by {mm:.1f} mm, {ms:.2g} ms)",
     FILLED: "{foot} ({often}, up to {ms:.0f} ms each)",
     EXCHANGED: "{foot} ({often}, up to {ms:.0f} ms each)",
     SPIKES: "{foot} ({often})",
 }
+
+
+#: Depth by which feet sink and come back, at least, where a remark tells of it.
+#: Unit: m. Origin: chosen: what a user can see in a plot of the marker's height.
+LEAST_DEPTH_M = 5e-4
 
 
 class Counted(NamedTuple):
@@ -56,7 +64,7 @@ class Counted(NamedTuple):
     foot: str
     landings: int
     error_s: float
-    depth_m: float = 0.0
+    height_m: float = 0.0
 
 
 def contact_remarks(
@@ -76,7 +84,7 @@ def contact_remarks(
     -------
     list of Message
         Values are the foot, the number of its landings, and in words, the time in ms
-        and the depth to which it sinks in mm.
+        and in mm how far it is above its rest, or how deep it sinks.
     """
     counts: list[Counted] = []
     for recording, table in zip(recordings, tables, strict=True):
@@ -95,7 +103,7 @@ def contact_remarks(
                 "landings": n_landings,
                 "often": counted(n_landings, "landing"),
                 "ms": 1e3 * max(one.error_s for one in own),
-                "mm": 1e3 * max(one.depth_m for one in own),
+                "mm": 1e3 * max(one.height_m for one in own),
             }
             messages.append(Message(code, values))
     return messages
@@ -142,17 +150,16 @@ def resampled_remarks(recordings: Sequence[Recording]) -> list[Message]:
 
 
 def _bouncing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
-    """Find feet whose bounces may move contacts by more than these are unsure."""
+    """Find feet that bounce or sink on, and by this may be timed wrongly."""
     feet = recording.names("foot")
     parts = joined.parts_of_feet(recording)
     heights = recording.feet[:, :, 2] / recording.scale
     instant = _instants(recording, table)
-    higher_m = bounces(
-        recording.time / recording.time_scale,
-        heights,
-        instant / recording.time_scale,
-        height_noise(heights),
-    )
+    time = recording.time / recording.time_scale
+    contact_s = instant / recording.time_scale
+    noise_m = height_noise(heights)
+    higher_m = bounces(time, heights, contact_s, noise_m)
+    is_bouncing = rises(time, heights, contact_s, noise_m)
     for i, foot in enumerate(feet):
         # Of several markers of one foot, one rises while the next comes down.
         if len(parts[i]) > 1 or not higher_m[i]:
@@ -160,7 +167,9 @@ def _bouncing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
         common_s = float(table[f"common_{foot}_s"].iloc[0])
         timed = np.isfinite(instant[:, i])
         if common_s > float(np.median(table.loc[timed, f"se_{foot}_s"])):
-            yield Counted(BOUNCES, foot, int(timed.sum()), common_s)
+            code = BOUNCES if is_bouncing[i] else SINKS_ON
+            above_m = float(higher_m[i]) * recording.scale
+            yield Counted(code, foot, int(timed.sum()), common_s, above_m)
 
 
 def _springing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
@@ -178,7 +187,8 @@ def _springing(recording: Recording, table: pd.DataFrame) -> Iterator[Counted]:
         time = recording.time / recording.time_scale
         depth_m = springs_back(time, own, instant / recording.time_scale, noise_m)
         timed = np.isfinite(instants[:, i])
-        if not depth_m.any():
+        # A smaller depth cannot be seen in the heights; the common error contains it.
+        if not depth_m.max() > max(noise_m, LEAST_DEPTH_M):
             continue
         common_s = float(table[f"common_{foot}_s"].iloc[0])
         if common_s > float(np.median(table.loc[timed, f"se_{foot}_s"])):

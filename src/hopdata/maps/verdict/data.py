@@ -1,6 +1,6 @@
 """What a study brings to its verdict: its arrays and options, and their checks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from numbers import Integral, Real
@@ -45,18 +45,35 @@ class Measured:
         return np.asarray(np.isfinite(both).all(axis=1))
 
     def sound_landings(self) -> rows.Sound:
-        """Return the known landings without gross errors."""
+        """Return the known landings without gross errors.
+
+        Raises
+        ------
+        UnsoundError
+            If these do not suffice.
+        """
         known = np.flatnonzero(self.known())
-        found = rows.sound_landings(
-            self.before[known],
-            self.after[known],
-            lambda some: self.landings(known[some]),
-        )
-        left_out = {}
-        for reason, some in found.left_out.items():
-            # As in a table, they count from 1.
-            left_out[reason] = (known[some] + 1).tolist()
-        return rows.Sound(found.landings, left_out)
+        try:
+            found = rows.sound_landings(
+                self.before[known],
+                self.after[known],
+                lambda some: self.landings(known[some]),
+            )
+        except rows.UnsoundError as error:
+            error.left_out = _as_in_a_table(error.left_out, known)
+            raise
+        return rows.Sound(found.landings, _as_in_a_table(found.left_out, known))
+
+    def unknown(self) -> dict[str, list[int]]:
+        """Return which landings cannot be judged, from 1, by what is not known."""
+        states = np.hstack([self.before, self.after])
+        has_state = np.isfinite(states).all(axis=1)
+        has_contacts = np.isfinite(self.instants).all(axis=1)
+        lost = {
+            "without_state": np.flatnonzero(~has_state),
+            "without_contact": np.flatnonzero(has_state & ~has_contacts),
+        }
+        return {why: (some + 1).tolist() for why, some in lost.items() if len(some)}
 
     def landings(self, known: IntArray) -> inputs.SectionLandings:
         """Return landings by their numbers, in the coordinates of the verdict."""
@@ -87,6 +104,13 @@ class Measured:
         if blocks is None:
             blocks = np.zeros(len(self.before), dtype=np.int64)
         return Session.of(time[known], blocks[known])
+
+
+def _as_in_a_table(
+    left_out: Mapping[str, list[int]], known: IntArray
+) -> dict[str, list[int]]:
+    """Return numbers of landings, from 1, of which some are known."""
+    return {reason: (known[some] + 1).tolist() for reason, some in left_out.items()}
 
 
 def measured(

@@ -494,6 +494,7 @@ def _no_answer(
     }
     messages = {"sentence": said}
     known_so_far: dict[str, Any] = {}
+    far_off = dict(getattr(error, "left_out", {}))
     rows = measured.known()
     if measured.n_feet > 1 and rows.any():
         found = preliminary(
@@ -520,11 +521,16 @@ def _no_answer(
         margin=options.margin,
         power=options.power,
         flips=options.flips,
+        gross_errors=far_off,
         preliminary=known_so_far,
         notes=[*left_out, note],
         what_now=[
             one.to_dict()
-            for one in limits_of_reason(error, known_so_far.get("orders", ()))
+            for one in limits_of_reason(
+                error,
+                known_so_far.get("orders", ()),
+                {**measured.unknown(), **far_off},
+            )
         ],
         messages=messages,
     )

@@ -26,6 +26,7 @@ from statistics import NormalDist
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import LANDINGS_PER_TERM, kinks, monomials, split_states
 from hopdata.maps.verdict import averaged
 from hopdata.maps.verdict.inputs import LEAST_CLASS, STATE, SectionLandings
@@ -288,6 +289,18 @@ class Sound:
     left_out: dict[str, list[int]]
 
 
+class UnsoundError(AnalysisError):
+    """The landings that a search for gross errors leaves do not suffice.
+
+    Attributes
+    ----------
+    left_out
+        Numbers of the landings left out, by reason.
+    """
+
+    left_out: Mapping[str, list[int]] = {}
+
+
 def sound_landings(
     before: FloatArray,
     after: FloatArray,
@@ -301,13 +314,18 @@ def sound_landings(
         (n, 6B) states of the landings at both sections.
     convert
         Returns the landings of these numbers, as if there were no others.
+
+    Raises
+    ------
+    UnsoundError
+        If `convert` raises an `AnalysisError` for the landings that are left.
     """
     if not len(before):
         return Sound(convert(np.arange(0)), {})
     apart = markers_apart(before) | markers_apart(after)
     left_out = {MARKERS: np.flatnonzero(apart).tolist()}
     sound = np.flatnonzero(~apart)
-    landings = convert(sound)
+    landings = _converted(sound, convert, left_out)
     for _ in range(SEARCHES):
         rows = sound[landings.kept]
         wrong: set[int] = set()
@@ -318,5 +336,23 @@ def sound_landings(
         if not wrong:
             break
         sound = np.setdiff1d(sound, sorted(wrong))
-        landings = convert(sound)
-    return Sound(landings, {why: rows for why, rows in left_out.items() if rows})
+        landings = _converted(sound, convert, left_out)
+    return Sound(landings, _that_occur(left_out))
+
+
+def _converted(
+    sound: IntArray,
+    convert: Callable[[IntArray], SectionLandings],
+    left_out: Mapping[str, list[int]],
+) -> SectionLandings:
+    """Return the landings that are left; if they are refused, tell which are not."""
+    try:
+        return convert(sound)
+    except AnalysisError as error:
+        refused = UnsoundError(*error.args)
+        refused.left_out = _that_occur(left_out)
+        raise refused from error
+
+
+def _that_occur(left_out: Mapping[str, list[int]]) -> dict[str, list[int]]:
+    return {why: rows for why, rows in left_out.items() if rows}

@@ -9,8 +9,9 @@ alone, with all others as they are, so that the detectable size is the margin.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -79,10 +80,25 @@ class Limit:
         }
 
 
-def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]:
+# The sentence where landings of the table of touchdowns were lost.
+SOME_LOST = "maps.none_for_landings_lost"
+
+
+def limits_of_reason(
+    error: AnalysisError,
+    orders: Sequence[Any],
+    lost: Mapping[str, Sequence[int]] = MappingProxyType({}),
+) -> list[Limit]:
     """Return what limits a study without a size; nothing if it is another mistake.
 
-    `orders` are those that occur, with their ``landings``: see `preliminary`.
+    Parameters
+    ----------
+    error
+        Why there is no size.
+    orders
+        Those that occur, with their ``landings``: see `preliminary`.
+    lost
+        Numbers of the landings that could not be judged, by the reason.
     """
     found = REASONS.get(str(error.code))
     if found is None:
@@ -92,6 +108,9 @@ def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]
     values |= {"least_of_order": LEAST_CLASS}
     if "least" in values and "found" in values:
         values["missing"] = values["least"] - values["found"]
+    if cause == "landings" and lost:
+        sentence = SOME_LOST
+        values |= _lost_of(lost)
     told = [f"{one['order']} ({one['landings']})" for one in orders]
     values["orders"] = ", ".join(told) or "none"
     limits = [Limit(cause, None, Message(sentence, values))]
@@ -101,6 +120,15 @@ def limits_of_reason(error: AnalysisError, orders: Sequence[Any]) -> list[Limit]
         only = Limit("orders", None, Message("maps.none_for_one_order", of_one))
         limits.insert(0, only)
     return limits
+
+
+def _lost_of(lost: Mapping[str, Sequence[int]]) -> dict[str, Any]:
+    """Return how many landings could not be judged, and why, in numbers and words."""
+    why = []
+    for reason, rows in lost.items():
+        why.append(str(Message(f"maps.{reason}", {"count": len(rows)})))
+    numbers = set().union(*lost.values())
+    return {"lost": len(numbers), "why": ", ".join(why), "rows": dict(lost)}
 
 
 @dataclass(frozen=True)
