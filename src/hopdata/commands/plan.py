@@ -70,13 +70,15 @@ def plan(options: argparse.Namespace) -> int:
         for difference in sorted(asked)
     }
     _print_needed(needed)
-    fewest = fewest_note(needed.values(), int(feet), told=_as_in_table)
-    if fewest is not None:
-        print(f"\n{fewest}")
-    print(f"\n{Message('commands.plan_judged')}")
     size = effect.get("estimate", detectable)
     conclusion = verdict.get("conclusion", "")
     notes = plan_notes(conclusion, size, int(feet), jumps=jumps)
+    fewest = fewest_note(needed.values(), int(feet), told=_as_in_table)
+    rests_on = [str(note) for note in notes]
+    if fewest is not None:
+        print(f"\n{fewest}")
+        rests_on.append(str(fewest))
+    print(f"\n{Message('commands.plan_judged')}")
     for note in notes:
         print(f"\nnote: {note}")
     if margin <= least:
@@ -94,7 +96,7 @@ def plan(options: argparse.Namespace) -> int:
             {"difference": difference, "landings": number}
             for difference, number in needed.items()
         ],
-        notes=[str(note) for note in notes],
+        notes=rests_on,
         figure=options.figure,
     )
     if options.figure is not None:
