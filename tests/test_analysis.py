@@ -818,6 +818,15 @@ def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
     assert needed[1] == pytest.approx(4 * needed[0], rel=0.01)
 
 
+def test_a_plan_notes_the_least_number_of_landings(study):
+    """Where a difference asks for it; three feet have no size of fewer than 150."""
+    small = study[0].verdict.effect.allowed_nearest + 0.02
+    told = [hd.plan(study[0], [size]) for size in (small, 5.0)]
+    noted = ["the fewest of 3 feet" in str(one.attrs["notes"]) for one in told]
+    assert [int(one["landings"].iloc[0]) == 150 for one in told] == noted
+    assert noted == [False, True]
+
+
 def test_a_plan_asks_for_no_difference_that_smooth_terms_may_leave(study):
     """Contacts far apart leave more than a tenth."""
     verdict = study[0].verdict

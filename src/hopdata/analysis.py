@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -451,6 +451,28 @@ def plan_notes(
     return notes
 
 
+def fewest_note(
+    needed: Iterable[int], feet: int, *, told: Callable[[int], str] = str
+) -> Message | None:
+    """Return a note on the least number of landings, if it is among those needed.
+
+    Parameters
+    ----------
+    needed : iterable of int
+        Numbers of landings.
+    feet : int
+        Number of feet.
+    told : callable, optional
+        Writes a number of landings as the table does, in which the note finds it.
+    """
+    from hopdata.maps.verdict.inputs import least_landings
+
+    fewest = least_landings(feet)
+    if fewest not in needed:
+        return None
+    return Message("maps.plan_fewest", {"fewest": told(fewest), "feet": feet})
+
+
 def require_lasting(conclusion: str, *, saturates: bool, jumps: bool) -> None:
     """Raise an error if a pilot has found a difference that saturates.
 
@@ -487,7 +509,8 @@ def plan(
     DataFrame
         ``difference`` (share of the map) and ``landings`` that show it with the
         verdict's power. What limits the plan, if the pilot differs or has two feet, is
-        a warning, and stands in ``attrs["notes"]``.
+        a warning, and stands in ``attrs["notes"]``. The notes also say which number is
+        the least of which there is a size.
 
     Raises
     ------
@@ -521,4 +544,7 @@ def plan(
     table.attrs["notes"] = [str(note) for note in notes]
     for note in table.attrs["notes"]:
         warnings.warn(note, stacklevel=3)
+    fewest = fewest_note(needed, verdict.n_feet)
+    if fewest is not None:
+        table.attrs["notes"].append(str(fewest))
     return table

@@ -45,6 +45,32 @@ def test_the_number_falls_with_the_square_of_what_smooth_terms_do_not_leave(
     assert rows["50"] == "150", "second-order terms take as many"
 
 
+FEWEST = "of which there is a size. This number stands for every difference"
+
+
+@pytest.mark.parametrize(
+    ("feet", "number"),
+    [(2, "140"), (3, "150"), (4, "170")],  # 139, 150 and 168 to two digits
+)
+def test_the_least_number_of_landings_is_told_beneath_the_table(
+    tmp_path, capsys, feet, number
+):
+    """All differences of a third of the map and more ask for it."""
+    quiet = PILOT | {"n_feet": feet, "effect": {"detectable": 0.15, "allowed": 0.1}}
+    assert main(["plan", written(tmp_path, quiet)]) == 0
+    said = capsys.readouterr().out
+    numbers = [row.split("%")[1].strip() for row in table_of(said)]
+    assert numbers.count(number) > 1
+    told = f"{number} landings are the fewest of {feet} feet {FEWEST}"
+    assert said.split("\n\n")[2].startswith(told)
+
+
+def test_a_least_number_that_no_difference_asks_for_is_not_told(tmp_path, capsys):
+    noisy = PILOT | {"effect": {"detectable": 0.9, "allowed": 0.1}}
+    assert main(["plan", written(tmp_path, noisy)]) == 0
+    assert FEWEST not in capsys.readouterr().out
+
+
 def test_what_smooth_terms_may_leave_is_in_no_plan(tmp_path, capsys):
     apart = PILOT | {"effect": {"detectable": 0.4, "allowed": 0.22}}
     assert main(["plan", written(tmp_path, apart)]) == 0

@@ -4,6 +4,8 @@ import pytest
 from fake_study import full_study, no_answer, touchdowns, verdict
 from test_page import Page
 
+from hopdata.maps.verdict import limits
+from hopdata.maps.verdict.growth import Growth
 from hopdata.maps.verdict.inputs import contact_spread
 from hopdata.maps.verdict.saturation import LEVEL
 from hopdata.messages import Message
@@ -335,6 +337,18 @@ def test_a_small_p_value_without_saturation_is_explained():
     for other in ({"saturation_p_value": 0.02}, {"decided_by": "jump", "jump": effect}):
         told = [str(one) for one in reach(verdict(**small | other))]
         assert not any("and yet" in one for one in told)
+
+
+def test_a_difference_that_fades_towards_the_contact_has_one_reading():
+    """The test for saturation may have a small p-value beside it."""
+    effect = verdict()["effect"] | {"allowed": 0.1}
+    small = {"effect": effect, "saturates": False, "saturation_p_value": 0.0005}
+    fading = Growth(slope=1.0, low=limits.GROWS + 0.1, high=1.5)
+    unknown = Growth(slope=0.5, low=limits.GROWS - 0.1, high=limits.CURVATURE)
+    lasting = Growth(slope=0.0, low=-0.1, high=limits.CURVATURE - 0.1)
+    for growth, is_told in ((fading, False), (unknown, True), (lasting, True)):
+        told = reach(verdict(**small, notes=limits.grows(growth)))
+        assert any("and yet" in str(one) for one in told) == is_told, growth
 
 
 def test_a_difference_is_told_with_the_scale_down_to_which_it_holds():

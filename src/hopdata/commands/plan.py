@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hopdata.analysis import plan_notes, planned, require_lasting
+from hopdata.analysis import fewest_note, plan_notes, planned, require_lasting
 from hopdata.commands import answers
 from hopdata.commands.terminal import OK, print_table
 from hopdata.commands.values import require_number, values_of
@@ -70,10 +70,15 @@ def plan(options: argparse.Namespace) -> int:
         for difference in sorted(asked)
     }
     _print_needed(needed)
-    print(f"\n{Message('commands.plan_judged')}")
     size = effect.get("estimate", detectable)
     conclusion = verdict.get("conclusion", "")
     notes = plan_notes(conclusion, size, int(feet), jumps=jumps)
+    fewest = fewest_note(needed.values(), int(feet), told=_as_in_table)
+    rests_on = [str(note) for note in notes]
+    if fewest is not None:
+        print(f"\n{fewest}")
+        rests_on.append(str(fewest))
+    print(f"\n{Message('commands.plan_judged')}")
     for note in notes:
         print(f"\nnote: {note}")
     if margin <= least:
@@ -91,7 +96,7 @@ def plan(options: argparse.Namespace) -> int:
             {"difference": difference, "landings": number}
             for difference, number in needed.items()
         ],
-        notes=[str(note) for note in notes],
+        notes=rests_on,
         figure=options.figure,
     )
     if options.figure is not None:
@@ -125,10 +130,8 @@ def _sizes(file: Path, effect: Mapping[str, Any]) -> list[float]:
 
 def _print_needed(needed: Mapping[float, int]) -> None:
     """Print the table of differences and landings, these to two digits."""
-    from hopdata.maps.verdict.words import two_digits
-
     rows = [
-        (f"{100 * difference:.2g} %", f"{two_digits(number):,}")
+        (f"{100 * difference:.2g} %", _as_in_table(number))
         for difference, number in needed.items()
     ]
     lines = [f"{difference:>10}  {landings:>8}" for difference, landings in rows]
@@ -137,6 +140,13 @@ def _print_needed(needed: Mapping[float, int]) -> None:
         rows,
         plain="\n".join(["difference  landings", *lines]),
     )
+
+
+def _as_in_table(landings: int) -> str:
+    """Return a number of landings to two digits."""
+    from hopdata.maps.verdict.words import two_digits
+
+    return f"{two_digits(landings):,}"
 
 
 def _draw(

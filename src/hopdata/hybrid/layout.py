@@ -311,12 +311,13 @@ SENTENCES = {
     "falls below what floating-point numbers resolve (a Zeno sequence, chattering, or "
     "handlers that push guards across without an end, as one does that acts at rises "
     "and falls alike: let it look at direction, or give System(directions=...)).",
-    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their order matters, or their "
-    "handlers change the field or the state, one of them turns another back, or a "
-    "handler leaves the state on the surface of another guard from this start only: "
-    "the Jacobian of the flow does not exist or is unknown. Each order has its own: "
-    "see `first_order.bouligand_derivative` (docs/integrator_reference.md, Is it one "
-    "smooth map?). Impacts with friction: docs/sliding.md, A foot that lands.",
+    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their order may matter: the "
+    "flow depends on it, their handlers change the field or the state, one of them "
+    "turns another back, or a handler leaves the state on the surface of another guard "
+    "from this start only. So the Jacobian of the flow does not exist or is unknown. "
+    "Each order has its own: see `first_order.bouligand_derivative` "
+    "(docs/integrator_reference.md, Is it one smooth map?). Impacts with friction: "
+    "docs/sliding.md, A foot that lands.",
     INSTANTS_IN_JACOBIAN: "The field jumps at {at}, at an instant that moves with the "
     "parameters in more than one way: two such instants meet there, or t_span begins "
     "there. The flow has no derivative by the parameters.",
@@ -426,8 +427,8 @@ def why_unproven(count: int, reason: str) -> str:
 
 # What is left of `TIE_IN_JACOBIAN` where no handler is called.
 TIE_OF_LOCKS = (
-    "Several guards flip at {at}, and their order matters, or one of them turns "
-    "another back: there is no Jacobian of the flow. Each order has its own: see "
+    "Several guards flip at {at}, and the flow depends on their order, or one of them "
+    "turns another back: there is no Jacobian of the flow. Each order has its own: see "
     "`first_order.bouligand_derivative` (docs/c1.md, The derivative of each order)."
 )
 

@@ -23,6 +23,9 @@ AT_CONTACT = "maps.no_difference_at_contact"
 RESERVED = "maps.different_reserved"
 MAY_BE_LARGER = "maps.may_be_larger"
 
+# A note that a difference is smaller the closer together the contacts are.
+FADES_TOWARDS_CONTACT = "maps.grows"
+
 # Facts on how far an answer reaches towards the simultaneous contact.
 REACH = ("margin", "holds_from", "contact_spread")
 
@@ -117,12 +120,17 @@ def _jump_seen(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]:
 
 
 def _not_saturating(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]:
-    """Say why a difference does not saturate although the p-value is small."""
+    """Say why a difference does not saturate although the p-value is small.
+
+    Where it is said to fade towards the simultaneous contact, that is why, and a second
+    reading of the same landings would only seem to contradict it.
+    """
     p_value = verdict.get("saturation_p_value")
     is_small = p_value is not None and p_value < SATURATES_BELOW
     if not is_small or verdict.get("saturates") or facts["jumps"]:
         return []
-    if not facts["allowed"]:
+    codes = {note.get("code") for note in verdict.get("notes", ())}
+    if not facts["allowed"] or FADES_TOWARDS_CONTACT in codes:
         return []
     values = {"p": show.significant(p_value, 2), "allowed": facts["allowed"]}
     return [Message("report.not_saturating", values)]

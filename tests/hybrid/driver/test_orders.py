@@ -104,7 +104,7 @@ def test_where_the_order_matters_there_is_none(terms):
     params = params_with(**terms)
     found = carried(FEET, AT_ONCE, params)
     assert found.status == TIE_IN_JACOBIAN
-    assert "their order matters, or one of them turns another back:" in found.message
+    assert "the flow depends on their order, or one of them turns" in found.message
     there = check_c1(FEET, np.zeros(4), guards=[0, 1, 2], params=params, mode=[-1] * 3)
     assert there.verdict != "C1"
 

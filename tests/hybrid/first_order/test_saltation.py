@@ -8,14 +8,17 @@ from hybrid_systems import ball, ladder, sliding
 from jacobian_checks import saltation_product
 
 from hopdata.errors import ArgumentError
-from hopdata.hybrid import System, field, guards, on_event
+from hopdata.hybrid import System, field, guards, on_event, solve
 from hopdata.hybrid.first_order import (
+    NoDerivativeError,
     NotTransversalError,
     bouligand_derivative,
     check_c1,
     project_onto_section,
     saltation_matrix,
 )
+from hopdata.hybrid.first_order.event_selected import CONTINUOUS
+from hopdata.hybrid.first_order.second_order import ADDITIVE
 
 
 def test_bounce_is_the_textbook_one():
@@ -150,13 +153,167 @@ def test_guards_with_one_surface_are_crossed_together():
 
 
 def test_a_guard_that_is_not_approached_is_refused():
-    left = bouligand_derivative(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
-    np.testing.assert_allclose(left([1.0]), [-0.5])
+    through = bouligand_derivative(sliding(), [0.0], params=(-1.0, 2.0), mode=[-1])
+    np.testing.assert_allclose(through([1.0]), [0.5])
     leaving = bouligand_derivative(sliding(), [0.0], params=(1.0, -2.0), mode=[-1])
     with pytest.raises(
         NotTransversalError, match="guard origin: expected to be approached"
     ):
         leaving([1.0])
+
+
+def test_a_guard_that_is_met_without_an_end_is_refused():
+    """The field points back from beyond: the trajectory would slide."""
+    back = bouligand_derivative(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
+    for ask in (lambda: back([1.0]), back.pieces):
+        with pytest.raises(NoDerivativeError, match="again and again"):
+            ask()
+
+
+# A rocking block, which one corner may hit twice at one instant.
+
+MASS = 2.0
+CORNERS = (-0.3, 0.3)
+
+
+@field
+def block_field(t, y, mode, params, dy):  # height, tilt, and their rates
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], -9.81, 0.0
+
+
+@guards
+def block_corners(t, y, dy, mode, params, h, hdot):
+    for k, x in enumerate((-0.3, 0.3)):
+        h[k], hdot[k] = -y[0] - x * y[1], -dy[0] - x * dy[1]
+
+
+@on_event
+def corner_hits(t, y, mode, params, guard, direction):
+    if direction > 0:
+        x = -0.3 if guard == 0 else 0.3
+        speed = y[2] + x * y[3]
+        impulse = -(1.0 + params[0]) * speed / (1.0 / 2.0 + x * x / params[1])
+        y[2] += impulse / 2.0
+        y[3] += impulse * x / params[1]
+    return 0
+
+
+@on_event
+def corner_hits_either_way(t, y, mode, params, guard, direction):
+    x = -0.3 if guard == 0 else 0.3
+    speed = y[2] + x * y[3]
+    impulse = -(1.0 + params[0]) * speed / (1.0 / 2.0 + x * x / params[1])
+    y[2] += impulse / 2.0
+    y[3] += impulse * x / params[1]
+    return 0
+
+
+def block(handler=corner_hits, **options):
+    return System(
+        block_field,
+        block_corners,
+        handler,
+        n_states=4,
+        guard_names=("left", "right"),
+        **options,
+    )
+
+
+def flown(state, duration):
+    """Return a state in free flight after some time, or before it."""
+    y = np.array(state)
+    y[:2] += duration * y[2:]
+    y[0] -= 9.81 * duration**2 / 2.0
+    y[2] -= 9.81 * duration
+    return y
+
+
+HIT_TWICE = 0.05
+HIT_ONCE = MASS * CORNERS[1] ** 2  # a corner is the centre of percussion of the other
+
+
+@pytest.mark.parametrize(
+    ("inertia", "words"),
+    [
+        (HIT_TWICE, {(0, 0, 1, 1, 0, 0), (1, 1, 0, 0, 1, 1)}),
+        (HIT_ONCE, {(0, 0, 1, 1), (1, 1, 0, 0)}),
+    ],
+)
+def test_a_corner_that_is_hit_again_at_one_instant_is_followed(inertia, words):
+    """States nearby make the events of a piece, and end where its matrix says."""
+    params = (0.5, inertia)
+    state = np.array([0.0, 0.0, -1.4, 0.0])
+    flow = bouligand_derivative(block(), state, params=params, mode=[-1, -1])
+    pieces = flow.pieces()
+    assert {piece.guards for piece in pieces} == words
+    step = 1e-6
+    for piece in pieces:
+        assert flow.order(piece.direction) == piece.guards
+        beside = state + step * piece.direction
+        run = solve(
+            block(),
+            (0.0, 0.053),
+            flown(beside, -0.05),
+            params=params,
+            rtol=1e-12,
+            atol=1e-14,
+        )
+        assert tuple(run.events.guard) == piece.guards
+        end = flown(piece.state + step * piece.matrix @ piece.direction, 0.003)
+        # The rest is of second order: some 10 times the square of the step. The next
+        # corner lands 5 ms after the first.
+        np.testing.assert_allclose(run.y_end, end, rtol=0, atol=1e-9)
+
+
+def test_impacts_that_commute_are_not_said_to_depend_on_their_order():
+    """A run has no Jacobian through either pair of impacts, and knows not of which."""
+    told = set()
+    for inertia in (HIT_TWICE, HIT_ONCE):
+        params = (0.5, inertia)
+        start = flown([0.0, 0.0, -1.4, 0.0], -0.05)
+        run = solve(block(), (0.0, 0.053), start, params=params, jacobian=True)
+        assert run.status == -11
+        assert "and their order may matter: the flow depends on it, " in run.message
+        assert "does not exist or is unknown" in run.message
+        options = {"params": params, "mode": [-1, -1]}
+        pieces = bouligand_derivative(block(), flown(start, 0.05), **options).pieces()
+        told.add(bool(np.allclose(pieces[0].matrix, pieces[1].matrix, atol=1e-9)))
+    assert told == {False, True}
+
+
+def test_impulses_break_other_lines_than_that_of_accelerations():
+    """Those that do not commute have two products, and those that do have one."""
+    for inertia, passed in ((HIT_TWICE, False), (HIT_ONCE, True)):
+        options = {"params": (0.5, inertia), "mode": [-1, -1]}
+        report = check_c1(block(), [0.0, 0.0, -1.4, 0.0], **options)
+        *_, added = report.fopas
+        assert added.condition == ADDITIVE
+        assert (added.passed, added.value) == (True, 0.0)
+        assert report.products.passed == passed
+        assert CONTINUOUS in report.reasons
+
+
+def test_a_crossing_against_its_direction_is_no_event():
+    """As in a run: the lock flips, and the handler is not called."""
+    options = {"params": (0.5, HIT_TWICE), "mode": [-1, -1]}
+    state = [0.0, 0.0, -1.4, 0.0]
+    right = bouligand_derivative(block(), state, **options).pieces()
+    one_way = block(corner_hits_either_way, directions=(1, 1))
+    found = bouligand_derivative(one_way, state, **options).pieces()
+    assert [piece.guards for piece in found] == [piece.guards for piece in right]
+    for piece, wanted in zip(found, right, strict=True):
+        np.testing.assert_allclose(piece.matrix, wanted.matrix, rtol=1e-12)
+    either_way = bouligand_derivative(block(corner_hits_either_way), state, **options)
+    with pytest.raises(NoDerivativeError, match="again and again"):
+        either_way.pieces()
+
+
+@pytest.mark.parametrize("speed", [-1.4, -1.1, -0.3])
+def test_a_corner_that_an_impact_stops_is_at_rest(speed):
+    """Rounding leaves some speed, which is not that of a corner that is left."""
+    options = {"params": (0.0, HIT_ONCE), "mode": [-1, -1]}
+    flow = bouligand_derivative(block(), [0.0, 0.0, speed, 0.1], **options)
+    assert {piece.guards for piece in flow.pieces()} == {(0, 1), (1, 0)}
 
 
 def test_many_guards_are_found_by_random_deviations():

@@ -137,7 +137,7 @@ def handled(system: System, at: Instant, guard: int, told: int) -> Instant:
     y = at.y.copy()
     mode = at.mode.copy()
     params = at.params.copy()
-    if system.on_event is not None:
+    if system.on_event is not None and local.is_event(system, guard, told):
         system.on_event.function(at.t, y, mode, params, guard, told)
     return Instant(at.t, y, mode, params)
 
@@ -185,9 +185,15 @@ def after_crossing(
     return entered, handled(system, entered, guard, told), told
 
 
-def approached(here: Linearisation, guards: tuple[int, ...]) -> list[int]:
-    """Return the guards whose surfaces the neighbours are still to meet."""
-    least = APPROACHED * here.guard_scales
+def approached(
+    here: Linearisation, guards: tuple[int, ...], sizes: FloatArray | float = 0.0
+) -> list[int]:
+    """Return the guards whose surfaces the neighbours are still to meet.
+
+    `sizes` (n_guards,) are those of the rates before the first crossing: what an impact
+    has stopped is at rest, whatever rounding has left of its rate.
+    """
+    least = APPROACHED * np.maximum(here.guard_scales, sizes)
     towards = -here.instant.mode[: len(least)] * here.guard_rates
     return [k for k in guards if towards[k] > least[k]]
 

@@ -207,13 +207,18 @@ def gradients_by_rates(
     return gradients, np.where(trusted, in_time, slopes_in_time)
 
 
+def is_event(system: System, guard: int, way: int) -> bool:
+    """Return whether a crossing this way is an event; else only the lock flips."""
+    return system.directions is None or system.directions[guard] * way >= 0
+
+
 def cross(system: System, at: Instant, guard: int) -> Instant:
     """Return the hybrid state after a guard is crossed and its handler has run."""
     y = at.y.copy()
     mode = at.mode.copy()
     params = at.params.copy()
     mode[guard] = -mode[guard]
-    if system.on_event is not None:
+    if system.on_event is not None and is_event(system, guard, int(mode[guard])):
         told = system.on_event.function(at.t, y, mode, params, guard, int(mode[guard]))
         if isinstance(told, tuple | list | np.ndarray):
             raise ArgumentError(

@@ -1,8 +1,7 @@
 """Saltation matrices: what a guard's crossing does to a small deviation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 from math import factorial
 
 import numpy as np
@@ -186,7 +185,8 @@ class CrossingOrder:
     Parameters
     ----------
     guards : tuple of int
-        Indices of the guards, the first crossed first.
+        Indices of the guards, the first crossed first. One that rebounds stands there
+        twice: as it is entered and as it is left; one that is hit again, more often.
     matrix : (n, n) array
         Product of the saltation matrices.
     direction : (n,) array
@@ -228,8 +228,8 @@ class BouligandDerivative:
         self.system = system
         self.guards = tuple(guards)
         self.scale = scale
-        # Whether guards may be met again: they are followed until none is approached.
-        self._goes_on = bool(system.sliding) or system.together is not None
+        # Whether neighbours have to end beside the trajectory, in its mode.
+        self._ends_at_one = bool(system.sliding) or system.together is not None
         self._end: Instant | None = None
         if system.together is not None:
             self._end = after_law(system, start, self.guards, scale)
@@ -239,6 +239,7 @@ class BouligandDerivative:
         else:
             root = Node(local.linearise(system, start, scale), np.eye(system.n_states))
         self._nodes: dict[tuple[int, ...], Node] = {(): root}
+        self._sizes = root.here.guard_scales
 
     def __repr__(self) -> str:
         n = self.system.n_states
@@ -257,7 +258,7 @@ class BouligandDerivative:
         expect(fits, "deviations", f"({n},) or ({n}, m)", v.shape)
         if v.ndim == 1:
             order = self.order(v)
-            if not self._goes_on:
+            if not self._ends_at_one:
                 self._check_resets(order)
             return self.node(order).product @ v
         return np.array([self(column) for column in v.T]).reshape(v.T.shape).T
@@ -276,49 +277,61 @@ class BouligandDerivative:
             rate = before.here.guard_rates[guard]
             mode = before.here.instant.mode
             if not -mode[guard] * rate > 0:  # not approached from its lock's side
-                name = self.system.guard_names[guard]
-                raise NotTransversalError(
-                    f"guard {name}: expected to be approached, found a rate of "
-                    f"{rate:.3g} on the side {mode[guard]:+d} in mode {mode.tolist()}"
-                )
+                raise self._not_approached(before.here, guard)
             matrix, here = crossing(self.system, before.here, guard, self.scale)
             self._nodes[order] = Node(here, matrix @ before.product)
         return self._nodes[order]
+
+    def _not_approached(self, here: Linearisation, guard: int) -> NotTransversalError:
+        """Return the error of a guard that is to be met, and is not approached."""
+        name = self.system.guard_names[guard]
+        mode = here.instant.mode
+        return NotTransversalError(
+            f"guard {name}: expected to be approached, found a rate of "
+            f"{here.guard_rates[guard]:.3g} on the side {mode[guard]:+d} in mode "
+            f"{mode.tolist()}"
+        )
 
     def order(self, deviation: ArrayLike) -> tuple[int, ...]:
         """Return the order in which the neighbour at a deviation (n,) crosses guards.
 
         The order is exact to first order: the neighbour follows one constant field
         after another. Guards crossed simultaneously keep the order in which they are
-        named.
+        named. A guard is crossed again where it is approached again at this instant:
+        where it rebounds, or is hit again because another one has rebounded.
         """
-        if self._goes_on:
-            return self._order_to_the_end(np.asarray(deviation, dtype=np.float64))
-        order: tuple[int, ...] = ()
-        while len(order) < len(self.guards):
-            deviation = np.asarray(deviation, dtype=np.float64)
-            delays = _delays_of(self.node(order), deviation)
-            waiting = [guard for guard in self.guards if guard not in order]
-            order = (*order, min(waiting, key=lambda guard: delays[guard]))
+        v = np.asarray(deviation, dtype=np.float64)
+        order = self._followed(v, self.guards)
+        if self._ends_at_one:
+            self._check_end(order, self.node(order).here.instant)
         return order
 
-    def _order_to_the_end(self, deviation: FloatArray) -> tuple[int, ...]:
-        """Return the order of a neighbour that may meet guards again."""
+    def _followed(
+        self, deviation: FloatArray, guards: tuple[int, ...]
+    ) -> tuple[int, ...]:
+        """Return the order of a neighbour; at one time, the order is that of guards."""
         order: tuple[int, ...] = ()
-        while True:
-            node = self.node(order)
-            waiting = approached(node.here, self.guards)
-            if not waiting:
-                self._check_end(order, node.here.instant)
-                return order
-            if len(order) >= MOST_AGAIN * len(self.guards):
-                names = [self.system.guard_names[k] for k in self.guards]
-                raise NoDerivativeError(
-                    f"guards {names}: a neighbour meets them again and again, and so "
-                    "does not come to an end of the instant by finitely many crossings"
-                )
-            delays = _delays_of(node, deviation)
+        waiting = self._waiting(order, guards)
+        while waiting:
+            delays = _delays_of(self.node(order), deviation)
             order = (*order, min(waiting, key=lambda guard: delays[guard]))
+            waiting = self._waiting(order, guards)
+        return order
+
+    def _waiting(self, order: tuple[int, ...], guards: tuple[int, ...]) -> list[int]:
+        """Return the guards that neighbours are to meet after those of an order."""
+        here = self.node(order).here
+        waiting = approached(here, guards, self._sizes)
+        if waiting and len(order) >= MOST_AGAIN * len(guards):
+            names = [self.system.guard_names[k] for k in guards]
+            raise NoDerivativeError(
+                f"guards {names}: a neighbour meets them again and again, and so "
+                f"does not come to an end of the instant by {len(order)} crossings"
+            )
+        missing = [guard for guard in guards if guard not in order]
+        if missing and not waiting and not self._ends_at_one:
+            raise self._not_approached(here, missing[0])
+        return waiting
 
     def _check_resets(self, order: tuple[int, ...]) -> None:
         """Raise if a neighbour's resets end at another state than the trajectory's.
@@ -326,15 +339,21 @@ class BouligandDerivative:
         Its own order is that of the numbers. Where that one is not crossed to its end,
         neighbours are compared with each other.
         """
-        if self.system.on_event is None:
+        is_met_again = len(order) > len(self.guards)
+        if self.system.on_event is None and not is_met_again:
             return
         if self._end is None:
-            own = tuple(sorted(self.guards))
+            nowhere = np.zeros(self.system.n_states)
             try:
-                self._end = self.node(own).here.instant
+                own = self._followed(nowhere, tuple(sorted(self.guards)))
             except NotTransversalError:
-                self._end = self.node(order).here.instant
-        self._check_state(order, self.node(order).here.instant, self._end)
+                own = order
+            self._end = self.node(own).here.instant
+        found = self.node(order).here.instant
+        self._check_state(order, found, self._end)
+        guards = list(self.guards)
+        if (found.mode[guards] != self._end.mode[guards]).any():
+            raise self._parted(order, found, self._end)
 
     def _check_state(
         self, order: tuple[int, ...], found: Instant, end: Instant
@@ -355,14 +374,20 @@ class BouligandDerivative:
             self._end = found
         end = self._end
         self._check_state(order, found, end)
-        names = [self.system.guard_names[k] for k in order]
         ends_so = self.system.together is not None or (found.mode == end.mode).all()
         if not ends_so:
-            raise NoDerivativeError(
-                f"neighbours that meet {names} in this order end in mode "
-                f"{found.mode.tolist()}, others in {end.mode.tolist()}: trajectories "
-                "part there, and the flow has no derivative"
-            )
+            raise self._parted(order, found, end)
+
+    def _parted(
+        self, order: tuple[int, ...], found: Instant, end: Instant
+    ) -> NoDerivativeError:
+        """Return the error of neighbours that end in another mode."""
+        names = [self.system.guard_names[k] for k in order]
+        return NoDerivativeError(
+            f"neighbours that meet {names} in this order end in mode "
+            f"{found.mode.tolist()}, others in {end.mode.tolist()}: trajectories "
+            "part there, and the flow has no derivative"
+        )
 
     def pieces(self, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
         """Return the orders that occur among the deviations, with their matrices.
@@ -371,10 +396,9 @@ class BouligandDerivative:
         six guards all orders are tried; with more, those in which 720 random deviations
         cross.
         """
-        inside: dict[tuple[int, ...], FloatArray | None] = {}
-        if not self._goes_on and factorial(len(self.guards)) <= MOST_ORDERS:
-            for order in permutations(self.guards):
-                inside[order] = self._inside(order)
+        inside: dict[tuple[int, ...], FloatArray] = {}
+        if not self._ends_at_one and factorial(len(self.guards)) <= MOST_ORDERS:
+            inside.update(self._cones((), np.zeros((0, len(self.scale))), self.scale))
         else:
             rng = np.random.default_rng(seed)
             draws = rng.normal(size=(MOST_ORDERS, self.system.n_states))
@@ -383,43 +407,67 @@ class BouligandDerivative:
         found = []
         for order, deviation in inside.items():
             last = self.node(order)
-            if deviation is not None:
-                direction = deviation / np.linalg.norm(deviation)
-                state = last.here.instant.y
-                found.append(CrossingOrder(order, last.product, direction, state))
+            direction = deviation / np.linalg.norm(deviation)
+            state = last.here.instant.y
+            found.append(CrossingOrder(order, last.product, direction, state))
         return tuple(found)
 
-    def _inside(self, guards: tuple[int, ...]) -> FloatArray | None:
-        """Return a deviation that crosses in this order and stays clear of others."""
-        delays = [self.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
-        scaled = np.array(delays) * self.scale
-        found = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
-        if found is None:
-            return None
-        return found * self.scale
+    def _cones(
+        self, order: tuple[int, ...], rows: FloatArray, deviation: FloatArray
+    ) -> Iterator[tuple[tuple[int, ...], FloatArray]]:
+        """Yield orders that begin with this one, each with a deviation clear of others.
+
+        Parameters
+        ----------
+        order : tuple of int
+            What has been crossed.
+        rows : (r, n) array
+            Functionals that are positive where neighbours begin so, in units of the
+            coordinates' sizes.
+        deviation : (n,) array
+            A deviation at which they are.
+        """
+        waiting = self._waiting(order, self.guards)
+        if not waiting:
+            yield order, deviation
+        for guard in waiting:
+            others = [other for other in waiting if other != guard]
+            delays = self.node(order).delays * self.scale
+            longest = float(np.abs(delays[waiting]).max())
+            later = _well_above(delays[others] - delays[guard], longest)
+            both = np.vstack([rows, later])
+            found = _inside_cone(both)
+            if found is not None:
+                yield from self._cones((*order, guard), both, found * self.scale)
 
 
-def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
-    """Return v with rows @ v > 0, or None if there is none.
+def _well_above(rows: FloatArray, size: float) -> FloatArray:
+    """Return the rows that are not negligible beside a size, with the length 1.
+
+    Negligible ones belong to guards that share a surface, which all deviations cross
+    together.
+    """
+    lengths = np.linalg.norm(rows, axis=1)
+    asking = lengths > NARROW * size
+    return np.asarray(rows[asking] / lengths[asking, None])
+
+
+def _inside_cone(rows: FloatArray) -> FloatArray | None:
+    """Return v with rows @ v > 0, of rows of the length 1, or None if there is none.
 
     Then the rows sum to zero with weights >= 0 (Gordan 1873).
     The minimum of |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first
-    case, and its minimiser gives v = rows.T w. Rows negligible beside `size` belong to
-    guards that share a surface, which all deviations cross together; they impose no
-    condition.
+    case, and its minimiser gives v = rows.T w.
     """
-    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    asking = lengths[:, 0] > NARROW * size
-    if not asking.any():
+    if len(rows) == 0:
         return np.ones(rows.shape[1])
     from scipy.optimize import nnls
 
-    unit = rows[asking] / lengths[asking]
-    sums = np.vstack([unit.T, np.ones(len(unit))])
+    sums = np.vstack([rows.T, np.ones(len(rows))])
     weights, _ = nnls(sums, np.append(np.zeros(rows.shape[1]), 1.0))
-    inside = unit.T @ weights
+    inside = rows.T @ weights
     if np.linalg.norm(inside) > NARROW:
-        return inside
+        return np.asarray(inside)
     return None
 
 
@@ -455,10 +503,11 @@ def bouligand_derivative(
         Raises `NotTransversalError` when it reaches an order in which a guard is not
         approached. It raises `NoDerivativeError` where there is none: handlers of
         neighbours that meet the guards in another order end at another state, as after
-        a plastic impact of several feet. Of a system that slides, or with a law for
-        several guards at once (`System(together=...)`), also where neighbours part or
-        meet the guards without an end, or end at another state than the law gives, for
-        they meet the guards one after the other, and the handlers decide about them.
+        a plastic impact of several feet; where neighbours part, or meet the guards
+        without an end (at most 16 times each); and, with a law for several guards at
+        once (`System(together=...)`), where they end at another state than it gives,
+        for they meet the guards one after the other, and the handlers decide about
+        them.
 
     Raises
     ------

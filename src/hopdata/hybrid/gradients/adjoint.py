@@ -62,10 +62,11 @@ NO_GRADIENT = {
     "unknown, and so are the loss's derivatives by these.",
     layout.GRAZING_IN_JACOBIAN: "A guard is grazed: its rate is zero to within the "
     "tolerance, and the loss has no derivative at a graze.",
-    layout.TIE_IN_JACOBIAN: "Several guards flip at one instant, and their order "
-    "matters, or their handlers change the field or the state, or one of them turns "
-    "another back, or they end the integration, or a handler leaves the state on the "
-    "surface of another guard from this start only: the loss has no derivative there.",
+    layout.TIE_IN_JACOBIAN: "Several guards flip at one instant, and their order may "
+    "matter: the flow depends on it, their handlers change the field or the state, one "
+    "of them turns another back, they end the integration, or a handler leaves the "
+    "state on the surface of another guard from this start only. So the loss's "
+    "derivative there does not exist or is unknown.",
     layout.JACOBIAN_NOT_FINITE: "The loss or a derivative is NaN or infinite.",
 }
 
