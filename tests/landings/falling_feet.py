@@ -32,6 +32,7 @@ def falls(
     apart_s: float | None = None,
     missing: int = 0,
     compliance_s: float = 0.0,
+    kept: float = 1.0,
     creep_m_s: float = 0.0,
     stands_s: float = np.inf,
     push_m_s2: float = 0.0,
@@ -41,7 +42,7 @@ def falls(
     """Simulate landings with contacts from N(0, 10 ms) or at fixed distances, in random order.
 
     `missing` frames about each contact are unseen, and a foot leaves the floor after
-    `stands_s`. Each standing foot pushes the others up, and slows them by `strike_m_s`
+    `stands_s`. It keeps a share of its speed as it lands if the contact is soft. Each standing foot pushes the others up, and slows them by `strike_m_s`
     as it lands.
     """
     rng = np.random.default_rng(seed)
@@ -59,7 +60,7 @@ def falls(
     after = np.maximum(s, 0.0)
     sunk = creep_m_s * after
     if compliance_s > 0:
-        sunk -= SPEED_M_S * compliance_s * (1 - np.exp(-after / compliance_s))
+        sunk -= kept * SPEED_M_S * compliance_s * (1 - np.exp(-after / compliance_s))
     height = np.where(s < 0, -SPEED_M_S * s - GRAVITY_M_S2 * s**2 / 2, sunk)
     height += SPEED_M_S * np.maximum(s - stands_s, 0.0)
     waits = np.maximum(contacts[:, :, None] - contacts[:, None, :], 0.0)[:, None]

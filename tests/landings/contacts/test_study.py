@@ -71,6 +71,17 @@ def test_a_recording_on_a_softer_floor_keeps_its_own_softness():
     assert abs(errors(hard, together[:2]).mean()) < 3e-4
 
 
+def test_few_landings_in_other_shoes_keep_their_softness():
+    quiet = {"noise_m": 2e-4}
+    bare = [falls(n, seed=n, compliance_s=0.004, **quiet) for n in (3, 12)]
+    shod = [falls(n, seed=n + 1, compliance_s=0.008, **quiet) for n in (3, 12)]
+    together = found([*bare, *shod])
+    stated = np.hypot(together[2].se, together[2].common)
+    off = errors([shod[0]], [together[2]])
+    assert abs(np.nanmean(off)) < 1e-3
+    assert (np.abs(off) < 3 * stated).all()
+
+
 def test_a_recording_in_which_no_law_holds_does_not_spoil_the_others():
     steady = [falls(40, seed=s) for s in (4, 5)]
     rough = falls(40, seed=6)

@@ -3,15 +3,15 @@
 With s = t - tau, the height of foot i about its contact at tau is modelled as
 
     z = c + b s + a s^2 / 2 + sum_j [a_j d_j2(t) + s_j d_j3(t)]     before,
-    z = c + b T (1 - exp(-s / T)) + r s                             after,
+    z = c + k b T (1 - exp(-s / T)) + r s                           after,
 
 with d_jk(t) = ((t - tau_j)_+^k - (tau - tau_j)^k) / k! - s (tau - tau_j)^(k-1) / (k -
 1)! for the feet j that touched earlier. Their springy legs push the body, so the
 acceleration of a foot still in flight changes by a_j and its jerk by s_j, while its
 velocity is continuous. If j is a marker of the same rigid foot, the foot then turns
 about it and its velocity changes: s_j d_j1 replaces s_j d_j3. T is the compliance of
-the contact, the same in all landings (0: the foot stops at once), and r is the creep of
-a standing foot.
+the contact, the same in all landings (0: the foot stops at once), k the share of the
+velocity that is not lost at once, and r is the creep of a standing foot.
 
 Missing frames are left out of the likelihood. The coefficients are integrated out: if
 the likelihood were only maximised over them, a late instant could win because pushes
@@ -144,6 +144,7 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     earliest: FloatArray | None = None,
     all_contacts: FloatArray | None = None,
     compliance_s: float = 0.0,
+    kept: float = 1.0,
     creeps: bool = False,
     leaves_m: float = np.inf,
 ) -> KinkFits:
@@ -174,6 +175,8 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
         acceleration. If not given, no foot acts on another.
     compliance_s : float
         Time constant with which a contact takes up the foot's velocity, s.
+    kept : float
+        Share of the velocity that is taken up so; the rest is lost at once.
     creeps : bool
         Whether a standing foot may creep.
     leaves_m : float
@@ -228,6 +231,7 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
             n_others[part],
             np.stack([others[part], is_hinged[part]], axis=2),
             compliance_s / before_s,
+            kept,
             creeps,
             means[part],
             weights[part],

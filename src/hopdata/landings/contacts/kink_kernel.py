@@ -67,6 +67,7 @@ class Problem(NamedTuple):
     contacts: int  # how many of the others are used
     others: FloatArray  # instant of each, and 1 if it is a marker of the same foot
     compliance: float  # time constant of the contact; 0 for a hard one
+    kept: float  # share of the velocity that a soft contact does not take at once
     size: int  # number of coefficients; even if the last one is the creep
 
 
@@ -105,7 +106,7 @@ def _design_row(s, tau, t, live, problem, row):  # type: ignore[no-untyped-def]
         for a in range(1, size):
             row[a] = 0.0
         if soft > 0.0:
-            row[1] = soft * (1.0 - exp(-s / soft))
+            row[1] = problem.kept * soft * (1.0 - exp(-s / soft))
         if size % 2 == 0:
             row[size - 1] = s
         return
@@ -365,7 +366,7 @@ def _residuals(tau, problem, work):  # type: ignore[no-untyped-def]
         if s < 0.0:
             slope = -coefficient[1] - s * acceleration
         elif soft > 0.0:
-            slope = -creep - coefficient[1] * exp(-s / soft)
+            slope = -creep - coefficient[1] * problem.kept * exp(-s / soft)
         else:
             slope = -creep
         residual = problem.height[i]
@@ -426,7 +427,9 @@ def _seen(times, heights, t, z):  # type: ignore[no-untyped-def]
     return n
 
 
-@kept_njit(f"void({_T},{_T},f8[::1],f8,i8,i8[::1],f8[:,:,::1],f8,b1,{_T},{_T},f8,{_T})")
+@kept_njit(
+    f"void({_T},{_T},f8[::1],f8,i8,i8[::1],f8[:,:,::1],f8,f8,b1,{_T},{_T},f8,{_T})"
+)
 def fit_all(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (compiled: plain arrays)
     times,
     heights,
@@ -436,6 +439,7 @@ def fit_all(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (compiled: plain a
     contacts,
     others,
     soft,
+    kept,
     creeps,
     mean,
     weight,
@@ -460,6 +464,8 @@ def fit_all(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (compiled: plain a
     soft : float
         Time constant with which a contact takes up the foot's velocity; 0 for a hard
         contact.
+    kept : float
+        Share of the velocity that a soft contact does not take at once, 0 to 1.
     creeps : bool
         Whether a standing foot may creep.
     mean, weight : (P, F - 2) array
@@ -502,7 +508,7 @@ def fit_all(  # type: ignore[no-untyped-def]  # noqa: PLR0913 (compiled: plain a
         # The creep comes last for any number of contacts.
         prior.mean[flight] = mean[p, full - 3]
         prior.weight[flight] = weight[p, full - 3]
-        problem = Problem(n, t, z, m, others[p], soft, size)
+        problem = Problem(n, t, z, m, others[p], soft, kept, size)
         tau, value = _search(bounds[p], reach, steps, problem, prior, work)
         if isnan(tau):
             continue

@@ -24,11 +24,13 @@ from hopdata.landings.contacts.law import (
     Trials,
     changed,
     known_gains,
+    likeliest_trial,
     log_likelihood,
     merged,
     noises,
 )
 from hopdata.landings.contacts.learning import FEW, learn, pooled_noises
+from hopdata.landings.contacts.partly import partly_errors
 from hopdata.landings.contacts.softness import STANCE_LANDINGS, with_softness
 
 # --- Priors before anything is learned, wide enough for a few landings to overrule ----
@@ -202,6 +204,7 @@ def joint_fits(
     softly, common = with_softness(trials, fits, laws, alike=True)
     curved_s = curved_errors(trials, fits, laws, softly.instant)
     hidden_s = np.hypot(_hidden_by_the_law(trials, softly, laws, weak), curved_s)
+    hidden_s = np.hypot(hidden_s, partly_errors(trials, softly, laws))
     return softly, np.hypot(common, hidden_s)
 
 
@@ -514,7 +517,7 @@ def _with_stance(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
                 break
     if best[0].compliance_s > 0.0:
         tried_s = [one[0].compliance_s for one in tried]
-        best = changed(best, compliance_s=_likeliest_trial(tried_s, totals_of_best))
+        best = changed(best, compliance_s=likeliest_trial(tried_s, totals_of_best))
     return _own_stances(trials, best, best_likelihood, stances, likelihoods)
 
 
@@ -571,7 +574,7 @@ def _refined(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
             rows = trials.at(np.array([law.compliance_s == own_s for law in laws]))
             totals = [float(np.nansum(likelihood[rows])) for likelihood in likelihoods]
             trials_s = [own_s * factor for factor in factors]
-            refined_s[own_s] = _likeliest_trial(trials_s, totals)
+            refined_s[own_s] = likeliest_trial(trials_s, totals)
         laws = tuple(
             replace(law, compliance_s=refined_s.get(law.compliance_s, 0.0))
             for law in laws
@@ -582,17 +585,3 @@ def _refined(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
 def _softer(laws: Laws, factor: float) -> Laws:
     """Return the laws with their compliances times a factor."""
     return tuple(replace(law, compliance_s=law.compliance_s * factor) for law in laws)
-
-
-def _likeliest_trial(trials: Sequence[float], totals: Sequence[float]) -> float:
-    """Return the trial of maximum likelihood, by a parabola through the best three."""
-    x = np.array(trials)
-    y = np.array(totals)
-    middle = int(np.clip(np.argmax(y), 1, len(x) - 2))
-    near = slice(middle - 1, middle + 2)
-    bend, slope, _ = np.polyfit(x[near] - x[middle], y[near], 2)
-    if bend < 0:
-        likeliest = x[middle] - slope / (2 * bend)
-    else:
-        likeliest = x[int(np.argmax(y))]
-    return float(np.clip(likeliest, x[middle - 1], x[middle + 1]))

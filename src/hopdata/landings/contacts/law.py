@@ -76,6 +76,9 @@ class Law:
         Standard deviation of a height, m.
     compliance_s : float
         Time constant with which a contact takes up the foot's velocity, s.
+    kept : float
+        Share of the velocity that is taken up so; the rest is lost at once, as where a
+        light foot lands on a damper.
     creeps : bool
         Whether feet creep after their contacts.
     pushes : bool
@@ -85,6 +88,7 @@ class Law:
     priors: FlightPriors
     noise_m: float
     compliance_s: float = 0.0
+    kept: float = 1.0
     creeps: bool = False
     pushes: bool = True
 
@@ -136,6 +140,7 @@ class FootHeights:
             earliest=earliest,
             all_contacts=near if law.pushes else None,
             compliance_s=law.compliance_s,
+            kept=law.kept,
             creeps=law.creeps,
             leaves_m=self.leaves_m,
         )
@@ -268,16 +273,33 @@ def noises(laws: Laws) -> FloatArray:
     return np.array([law.noise_m for law in laws])
 
 
-def log_likelihood(trials: Trials, instant: FloatArray, laws: Laws) -> FloatArray:
+def log_likelihood(
+    trials: Trials, instant: FloatArray, laws: Laws, *, widely: bool = False
+) -> FloatArray:
     """Return the log likelihood of each foot in each landing (L, n), but a constant."""
     noise_m = trials.at(noises(laws))[:, None]
-    return trials.fits(instant, laws).evidence / (-2 * noise_m**2)
+    fits = trials.fits(instant, laws, widely=widely)
+    return fits.evidence / (-2 * noise_m**2)
 
 
 def known_gains(more: FloatArray, fewer: FloatArray) -> FloatArray:
     """Return the gains of log likelihood (L, n) where both are known, flat."""
     gain = more - fewer
     return np.asarray(gain[np.isfinite(gain)])
+
+
+def likeliest_trial(trials: Sequence[float], totals: Sequence[float]) -> float:
+    """Return the trial of maximum likelihood, by a parabola through the best three."""
+    x = np.array(trials)
+    y = np.array(totals)
+    middle = int(np.clip(np.argmax(y), 1, len(x) - 2))
+    near = slice(middle - 1, middle + 2)
+    bend, slope, _ = np.polyfit(x[near] - x[middle], y[near], 2)
+    if bend < 0:
+        likeliest = x[middle] - slope / (2 * bend)
+    else:
+        likeliest = x[int(np.argmax(y))]
+    return float(np.clip(likeliest, x[middle - 1], x[middle + 1]))
 
 
 def merged(fits: KinkFits, others: KinkFits, where: BoolArray) -> KinkFits:

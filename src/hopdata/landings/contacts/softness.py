@@ -188,7 +188,7 @@ def _of_soles_that_yield(
     parts = zip(trials.feet, trials.each(instant), laws, strict=True)
     for number, (feet, own, law) in enumerate(parts):
         depth_m = springs_back(feet.time, feet.heights, own, law.noise_m)
-        fall_m_s = np.array([_median_of_known(of_foot) for of_foot in falls[number].T])
+        fall_m_s = np.array([median_of_known(of_foot) for of_foot in falls[number].T])
         fall_m_s = np.where(fall_m_s > 0, fall_m_s, np.inf)
         errors.append(springs_back_errors(depth_m, fall_m_s, compliance_s[number]))
     return np.array(errors)
@@ -234,13 +234,13 @@ def _usual(trials: Trials, values: FloatArray, *, alike: bool) -> FloatArray:
 
     It is that of all recordings if they are `alike`, or where one has few landings.
     """
-    of_all = np.array([_median_of_known(of_foot) for of_foot in values.T])
+    of_all = np.array([median_of_known(of_foot) for of_foot in values.T])
     usual = np.tile(of_all, (len(trials.feet), 1))
     if alike:
         return usual
     for number, own in enumerate(trials.each(values)):
         if len(own) >= FEW:
-            usual[number] = [_median_of_known(of_foot) for of_foot in own.T]
+            usual[number] = [median_of_known(of_foot) for of_foot in own.T]
     return usual
 
 
@@ -286,7 +286,8 @@ def _steady(compliances_s: FloatArray, instants: FloatArray) -> BoolArray:
     return np.asarray((moves < explained + JUMP_S).all(axis=0))
 
 
-def _median_of_known(values: FloatArray) -> float:
+def median_of_known(values: FloatArray) -> float:
+    """Return the median of the values that are known, 0 if none is."""
     known = values[np.isfinite(values)]
     if not len(known):
         return 0.0
