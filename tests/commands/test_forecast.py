@@ -404,6 +404,7 @@ def test_the_codes_that_ask_for_other_orders_are_those_of_the_verdict():
     values = {
         "least": 10,
         "found": 9,
+        "aside": "",
         "commonest": "1 → 2 has 9",
         "what_is_missing": "meet",
     }
