@@ -166,6 +166,9 @@ def test_tables_and_page_are_written(recording, tmp_path, capsys):
     lags = pd.read_csv(tmp_path / "new" / "contacts_lags.csv")
     assert len(lags) == 3, "two of three toes"
     assert (lags["low_s"] < lags["mean_s"]).all()
+    printed = capsys.readouterr().out.partition("median |lag|")[2]
+    assert " -" in printed
+    assert "\N{MINUS SIGN}" not in printed
     assert (table["landing"].value_counts() <= 3).all()
     text = page.read_text("utf-8")
     # The page's script has the type as well, but no data in base 64.

@@ -1,6 +1,7 @@
 """What a command shows on a terminal, and that a pipe gets plain text."""
 
 import errno
+import io
 import json
 import os
 import re
@@ -179,3 +180,14 @@ def test_a_cell_tells_the_terminal_nothing():
     assert "a?[2Jb" in written
     assert "左足" in written
     assert "\x1b[2J" not in written
+
+
+def test_what_a_stream_cannot_encode_becomes_a_question_mark():
+    raw = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    stream = terminal.Screened(raw)
+    stream.write("0.3 \u00b1 0.1 ms\n")
+    stream.flush()
+    assert raw.buffer.getvalue() == b"0.3 ? 0.1 ms\n"
+    plain = io.StringIO()  # has no encoding
+    terminal.Screened(plain).write("0.3 \u00b1 0.1 ms\n")
+    assert plain.getvalue() == "0.3 \u00b1 0.1 ms\n"

@@ -558,11 +558,16 @@ def show(
 def _show_lags(found: ContactTimes) -> None:
     """Print how long each foot touches before each other; nothing without two feet."""
     from hopdata.commands.contacts_page import lags_of
+    from hopdata.report.formatting import MINUS
 
     lags = lags_of(found)
     if lags is None:
         return
-    rows = lags.rows[:MOST_LISTED]
+    # Programs read a hyphen as a sign, and every stream can encode it.
+    rows = [
+        tuple(cell.replace(MINUS, "-") for cell in row)
+        for row in lags.rows[:MOST_LISTED]
+    ]
     columns: dict[str, terminal.Side] = dict.fromkeys(lags.head, "right")
     columns[lags.head[0]] = "left"
     terminal.print_table(columns, rows, plain=_plain([lags.head, *rows]))

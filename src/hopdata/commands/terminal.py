@@ -51,7 +51,10 @@ class Screened:
 
     def write(self, text: str) -> int:
         """Write a text."""
-        self.raw.write(printable(text, keep=f"\n\t{NO_BREAK_SPACES}"))
+        screened = printable(text, keep=f"\n\t{NO_BREAK_SPACES}")
+        encoding = getattr(self.raw, "encoding", None) or "utf-8"
+        # Of a stream in ASCII, as of some schedulers, ± becomes a question mark.
+        self.raw.write(screened.encode(encoding, "replace").decode(encoding))
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
