@@ -96,7 +96,7 @@ def test_what_a_stage_calls_works_with_one_thread(module, name):
 def test_judge_works_with_one_thread_and_gives_the_others_back(monkeypatch):
     seen = []
 
-    def look(*_):
+    def look(*_, **__):
         seen.append(blas_threads())
         raise AnalysisError("seen enough")
 
