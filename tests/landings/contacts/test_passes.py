@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from falling_feet import NOISE_M, falls
 
-from hopdata.landings.contacts import descents
+from hopdata.landings.contacts import descents, kink_law
 from hopdata.landings.contacts.approach import approaches
 from hopdata.landings.contacts.law import FootHeights, Trials
 from hopdata.landings.contacts.passes import (
@@ -30,7 +30,7 @@ def fitted(made, heights):
     feet = FootHeights(
         made.time, heights, LONG_WINDOWS_S, earliest, leaves_m=8 * NOISE_M
     )
-    return fit_contacts(
+    found, _ = fit_contacts(
         Trials.of([feet], [len(near)]),
         near,
         status == descents.LANDED,
@@ -38,6 +38,7 @@ def fitted(made, heights):
         noise_m=np.array([NOISE_M]),
         gravity="learned",
     )
+    return found
 
 
 def test_feet_that_fly_and_stand_are_fitted_by_one_law_in_long_windows():
@@ -86,7 +87,7 @@ def test_a_search_that_began_too_late_is_repeated_from_the_earliest_instant():
         40 * np.maximum(made.time.reshape(60, -1, 1) - made.contacts[:, None], 0.0)
     ).reshape(-1, 3)
     feet = FootHeights(made.time, heights, LONG_WINDOWS_S, earliest)
-    found = fit_contacts(
+    found, _ = fit_contacts(
         Trials.of([replace(feet, leaves_m=np.inf)], [60]),
         late,
         status == descents.LANDED,
@@ -115,3 +116,31 @@ def test_windows_hold_at_least_five_frames_before_and_three_after(
     time = np.arange(100) / rate_hz
     found = windows_of_at_least(time, asked_s, SHORT_WINDOWS_S)
     np.testing.assert_allclose(found, expected_s)
+
+
+def test_errors_that_contacts_share_are_computed_for_the_kept_fits_alone(monkeypatch):
+    asked = []
+    of_law = kink_law.partly_errors
+    monkeypatch.setattr(
+        kink_law, "partly_errors", lambda *given: asked.append(1) or of_law(*given)
+    )
+    made = falls(60, seed=3)
+    near = made.contacts + 1e-4
+    feet = FootHeights(
+        made.time, made.heights, LONG_WINDOWS_S, np.full(near.shape, -np.inf)
+    )
+    found, common_errors = fit_contacts(
+        Trials.of([feet], [len(near)]),
+        near,
+        np.ones(near.shape, dtype=bool),
+        short_windows_s=[SHORT_WINDOWS_S],
+        noise_m=np.array([NOISE_M]),
+        gravity="learned",
+    )
+    assert np.isfinite(found.fits.instant).all()
+    assert not asked
+    errors_s = common_errors()
+    assert asked == [1]
+    assert errors_s.shape == (1, 3)
+    assert (errors_s > 0).all()
+    assert (errors_s < 1e-3).all()

@@ -22,6 +22,7 @@ gravity); `kink_law` learns them from the recording.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class FlightPriors:
     sd: FloatArray
     foot_of: tuple[int, ...] = ()
 
-    @property
+    @cached_property
     def hinged(self) -> BoolArray:
         """Mark which of the others, in order, are markers of one foot, (n, n - 1)."""
         feet = np.arange(len(self.mean))
@@ -147,6 +148,7 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     kept: float = 1.0,
     creeps: bool = False,
     leaves_m: float = np.inf,
+    frame_s: float | None = None,
 ) -> KinkFits:
     """Fit a kink to every foot of every landing.
 
@@ -182,6 +184,8 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     leaves_m : float
         Rise at which a standing foot has left the floor again, m. Frames from the one
         before that rise on are not used.
+    frame_s : float, optional
+        Usual time between two frames, s; by default their median.
 
     Returns
     -------
@@ -196,7 +200,8 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     centre = near.ravel()[wanted]
     before_s = windows_s[0]  # the kernel's unit of time
     reach = search_s / before_s
-    frame_s = float(np.median(np.diff(time)))
+    if frame_s is None:
+        frame_s = float(np.median(np.diff(time)))
     step_s = max(GRID_FRAMES * frame_s, GRID_S)
     steps = max(int(np.ceil(2 * search_s / step_s)), 2)
     bounds = np.full(len(wanted), -np.inf)
@@ -219,7 +224,9 @@ def kink_fits(  # noqa: PLR0913 (the data, and what is asked of each fit)
     rows = np.full((len(wanted), SUMMARY_COLUMNS + 2 * units.shape[1]), np.nan)
     for first in range(0, len(wanted), BLOCK):
         part = slice(first, first + BLOCK)
-        times, z, used = _windows(time, heights, foot[part], centre[part], windows_s)
+        times, z, used = _windows(
+            time, heights, foot[part], centre[part], windows_s, frame_s
+        )
         since = times - centre[part, None]
         has_left = _has_left(since, z, leaves_m)
         fit_all(
@@ -262,6 +269,7 @@ def _windows(
     foot: IntArray,
     centre: FloatArray,
     windows_s: tuple[float, float],
+    frame_s: float,
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Cut out times and heights about each of P instants, and mark those to use.
 
@@ -270,7 +278,6 @@ def _windows(
     ones that do are used as well, as far as `WIDEST` allows. Two more frames are cut
     out, but not used: they tell whether the foot rises after the last one.
     """
-    frame_s = float(np.median(np.diff(time)))
     before_s, after_s = windows_s
     reach = 1.0
     if np.isnan(heights).any():

@@ -8,7 +8,7 @@ all recordings unless one of them clearly says otherwise; each has its own noise
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -164,9 +164,32 @@ def weak_priors(n: int, gravity: str, foot_of: tuple[int, ...] = ()) -> FlightPr
     return weak
 
 
+@dataclass(frozen=True)
+class JointFits:
+    """Fits of all feet by one law, and the law.
+
+    Parameters
+    ----------
+    fits : KinkFits
+        Of L landings and n feet; their errors contain how soft the contacts may be.
+    of_softness : (R, n) array
+        The error that all contacts of a foot share since they may be softer, s.
+    by_law : KinkFits
+        The same fits by the law alone, of which the softness is known.
+    laws, weak : Laws
+        The laws of the R recordings, and those before anything was learned.
+    """
+
+    fits: KinkFits
+    of_softness: FloatArray
+    by_law: KinkFits
+    laws: Laws
+    weak: Laws
+
+
 def joint_fits(
     trials: Trials, near: FloatArray, *, noise_m: FloatArray, gravity: str
-) -> tuple[KinkFits, FloatArray]:
+) -> JointFits:
     """Fit each foot alone, learn the law from some landings, then fit all by it.
 
     Parameters
@@ -179,12 +202,6 @@ def joint_fits(
         Standard deviation of a height in each recording, m.
     gravity : {"learned", "free", "known"}
         See `hopdata.landings.contacts.timing.find_contacts`.
-
-    Returns
-    -------
-    fits : KinkFits
-    common : (R, n) array
-        Error that all contacts of a foot may share, s.
     """
     n = near.shape[1]
     learns_own = gravity in ("learned", FALLS)
@@ -196,16 +213,27 @@ def joint_fits(
         # Legs may also strike: velocities jump, as for markers of one rigid foot.
         one_foot = (0,) * n
         striking = _laws(weak_priors(n, gravity, one_foot), noise_m)
-        strikes, struck = _laws_and_instants(trials, alone, striking, own=learns_own)
-        if _fits_better(trials, (strikes, struck), (laws, instant)):
-            laws = strikes
-            instant = struck
-    fits = trials.fits(instant, laws)
-    softly, common = with_softness(trials, fits, laws, alike=True)
-    curved_s = curved_errors(trials, fits, laws, softly.instant)
-    hidden_s = np.hypot(_hidden_by_the_law(trials, softly, laws, weak), curved_s)
-    hidden_s = np.hypot(hidden_s, partly_errors(trials, softly, laws))
-    return softly, np.hypot(common, hidden_s)
+        by_strikes = _laws_and_instants(trials, alone, striking, own=learns_own)
+        if _fits_better(trials, by_strikes, (laws, instant)):
+            laws, instant = by_strikes
+    by_law = trials.fits(instant, laws)
+    fits, of_softness = with_softness(trials, by_law, laws, alike=True)
+    return JointFits(fits, of_softness, by_law, laws, weak)
+
+
+def common_errors(trials: Trials, joint: JointFits) -> FloatArray:
+    """Return the error (R, n), s, that all contacts of a foot may share.
+
+    It contains how soft they are, and what the law does not describe: curves of flight,
+    feet that lose part of their speed at once, and what is left beyond the noise.
+    """
+    parts = (
+        joint.of_softness,
+        _hidden_by_the_law(trials, joint.fits, joint.laws, joint.weak),
+        curved_errors(trials, joint.by_law, joint.laws, joint.fits.instant),
+        partly_errors(trials, joint.fits, joint.laws),
+    )
+    return np.asarray(np.linalg.norm(parts, axis=0))
 
 
 def _laws(priors: FlightPriors, noise_m: FloatArray, *, pushes: bool = True) -> Laws:

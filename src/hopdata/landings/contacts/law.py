@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -123,11 +124,10 @@ class FootHeights:
 
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
         """Fit each foot about its instant (L, n), s; `widely` about a rough one."""
-        frame_s = float(np.median(np.diff(self.time)))
         if widely:
-            search_s = max(WIDE_SEARCH_S, WIDE_SEARCH_FRAMES * frame_s)
+            search_s = max(WIDE_SEARCH_S, WIDE_SEARCH_FRAMES * self._frame_s)
         else:
-            search_s = max(SEARCH_S, SEARCH_FRAMES * frame_s)
+            search_s = max(SEARCH_S, SEARCH_FRAMES * self._frame_s)
         earliest = self._earliest_within(near + search_s)
         fits = kink_fits(
             self.time,
@@ -143,10 +143,22 @@ class FootHeights:
             kept=law.kept,
             creeps=law.creeps,
             leaves_m=self.leaves_m,
+            frame_s=self._frame_s,
         )
         at_bound = fits.instant < earliest + AT_BOUND_S
         undetermined = UNDETERMINED_S / law.noise_m
         return replace(fits, unit_se=np.where(at_bound, undetermined, fits.unit_se))
+
+    @cached_property
+    def _frame_s(self) -> float:
+        """Return the usual time between two frames, s."""
+        return float(np.median(np.diff(self.time)))
+
+    @cached_property
+    def _earliest_in_order(self) -> list[FloatArray]:
+        """Return the earliest instants of each foot in order, after one of long ago."""
+        in_order = np.sort(self.earliest, axis=0)
+        return [np.insert(of_foot, 0, -np.inf) for of_foot in in_order.T]
 
     def _earliest_within(self, latest: FloatArray) -> FloatArray:
         """Return each foot's last earliest instant that is not after `latest` (L, n).
@@ -154,8 +166,7 @@ class FootHeights:
         Rows of `latest` may be some of the landings only, so they are found by time.
         """
         earliest = np.full(latest.shape, -np.inf)
-        for foot, in_order in enumerate(np.sort(self.earliest, axis=0).T):
-            bounds = np.insert(in_order, 0, -np.inf)
+        for foot, bounds in enumerate(self._earliest_in_order):
             place = np.searchsorted(bounds, latest[:, foot])
             earliest[:, foot] = bounds[place - 1]
         return earliest

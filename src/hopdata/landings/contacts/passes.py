@@ -50,7 +50,12 @@ LEAST_STANDING = 0.5
 MOST_ODD = 0.5
 
 Windows = tuple[float, float]
-Fit = Callable[..., tuple[KinkFits, FloatArray]]
+FitTogether = Callable[..., kink_law.JointFits]
+FitAlone = Callable[..., tuple[KinkFits, FloatArray]]
+
+#: Computes the errors (R, n), s, that all contacts of a foot may share. It takes as
+#: long as the fits, so it is called only for those that are kept.
+CommonErrors = Callable[[], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -65,8 +70,6 @@ class Fitted:
         Rough instants about which contacts were searched, s.
     fits : KinkFits
         One for each contact.
-    common : (R, n) array
-        Error that all contacts of a foot may share, s.
     rises : (L, n) bool array
         Whether the foot leaves the floor right after its contact.
     """
@@ -74,7 +77,6 @@ class Fitted:
     trials: Trials
     near: FloatArray
     fits: KinkFits
-    common: FloatArray
     rises: BoolArray
 
 
@@ -86,7 +88,7 @@ def fit_contacts(
     short_windows_s: Sequence[Windows],
     noise_m: FloatArray,
     gravity: str,
-) -> Fitted:
+) -> tuple[Fitted, CommonErrors]:
     """Fit contacts by one law where it holds, and alone in short windows where not.
 
     Parameters
@@ -108,13 +110,13 @@ def fit_contacts(
     fit_together = partial(kink_law.joint_fits, noise_m=noise_m, gravity=gravity)
     fit_alone = partial(kink_law.single_fits, noise_m=noise_m, gravity=gravity)
 
-    first = _fit_by_one_law(trials, near, fit_together)
+    first, joint = _fit_by_one_law(trials, near, fit_together)
     stands = first.fits.n_after >= FRAMES_AFTER
     holds = _law_holds(first, stands, landed, noise_m)
     if not holds.any():
         short = _in_short_windows(first.trials, short_windows_s)
         alone, common = fit_alone(short, first.near)
-        return Fitted(short, first.near, alone, common, first.rises)
+        return Fitted(short, first.near, alone, first.rises), lambda: common
     if not holds.all():
         parts = []
         for some in (holds, ~holds):
@@ -130,12 +132,13 @@ def fit_contacts(
             parts.append(part)
         return _side_by_side(holds, *parts)
 
-    lawful = _without_odd_landings(first, fit_together, noise_m)
+    lawful, joint = _without_odd_landings(first, joint, fit_together, noise_m)
     share = stands[landed].mean()
     some_rise = share < 1 - kink_law.UNDETERMINED_SHARE  # more than by chance
-    return _with_exceptions_alone(
+    fitted = _with_exceptions_alone(
         lawful, some_rise, short_windows_s, fit_alone, noise_m
     )
+    return fitted, partial(kink_law.common_errors, lawful.trials, joint)
 
 
 def _law_holds(
@@ -161,8 +164,14 @@ def _law_holds(
     return np.array(holds)
 
 
-def _side_by_side(which: BoolArray, some: Fitted, others: Fitted) -> Fitted:
+def _side_by_side(
+    which: BoolArray,
+    of_some: tuple[Fitted, CommonErrors],
+    of_others: tuple[Fitted, CommonErrors],
+) -> tuple[Fitted, CommonErrors]:
     """Put the fits of some of the recordings (R,) and of the others in their order."""
+    some, common_of_some = of_some
+    others, common_of_others = of_others
     feet = np.empty(len(which), dtype=object)
     feet[which] = some.trials.feet
     feet[~which] = others.trials.feet
@@ -173,13 +182,13 @@ def _side_by_side(which: BoolArray, some: Fitted, others: Fitted) -> Fitted:
         name: _in_order(rows, value, vars(others.fits)[name])
         for name, value in vars(some.fits).items()
     }
-    return Fitted(
+    fitted = Fitted(
         trials,
         near=_in_order(rows, some.near, others.near),
         fits=KinkFits(**fits),
-        common=_in_order(which, some.common, others.common),
         rises=_in_order(rows, some.rises, others.rises),
     )
+    return fitted, lambda: _in_order(which, common_of_some(), common_of_others())
 
 
 def _in_order(
@@ -209,18 +218,19 @@ def windows_of_at_least(
     return max(before_s, least_before_s), max(after_s, least_after_s)
 
 
-def _fit_by_one_law(trials: Trials, near: FloatArray, fit: Fit) -> Fitted:
+def _fit_by_one_law(
+    trials: Trials, near: FloatArray, fit: FitTogether
+) -> tuple[Fitted, kink_law.JointFits]:
     """Fit all contacts, and again from the earliest instant where the search missed."""
     none_rises = np.zeros(near.shape, dtype=bool)
-    fits, common = fit(trials, near)
+    joint = fit(trials, near)
     # A kink upwards comes after the contact: the search began too late.
     earliest = trials.earliest
-    missed = (fits.velocity > 0) & np.isfinite(earliest)
-    if not missed.any():
-        return Fitted(trials, near, fits, common, none_rises)
-    earlier = np.where(missed, earliest, near)
-    fits, common = fit(trials, earlier)
-    return Fitted(trials, earlier, fits, common, none_rises)
+    missed = (joint.fits.velocity > 0) & np.isfinite(earliest)
+    if missed.any():
+        near = np.where(missed, earliest, near)
+        joint = fit(trials, near)
+    return Fitted(trials, near, joint.fits, none_rises), joint
 
 
 def _are_odd(fitted: Fitted, noise_m: FloatArray) -> BoolArray:
@@ -230,21 +240,23 @@ def _are_odd(fitted: Fitted, noise_m: FloatArray) -> BoolArray:
     return is_odd(fitted.fits, trials.at(about_fit_m)[:, None])
 
 
-def _without_odd_landings(first: Fitted, fit: Fit, noise_m: FloatArray) -> Fitted:
+def _without_odd_landings(
+    first: Fitted, joint: kink_law.JointFits, fit: FitTogether, noise_m: FloatArray
+) -> tuple[Fitted, kink_law.JointFits]:
     """Fit again where a few odd landings have bent the law of the others."""
     odd_landings = np.asarray(_are_odd(first, noise_m).any(axis=1, keepdims=True))
     if not 0 < odd_landings.sum() < MOST_ODD * len(odd_landings):
-        return first
+        return first, joint
     others = replace(first.trials, odd=odd_landings)
-    fits, common = fit(others, first.near)
-    return replace(first, trials=others, fits=fits, common=common)
+    again = fit(others, first.near)
+    return replace(first, trials=others, fits=again.fits), again
 
 
 def _with_exceptions_alone(
     lawful: Fitted,
     some_rise: bool,
     short_windows_s: Sequence[Windows],
-    fit: Fit,
+    fit: FitAlone,
     noise_m: FloatArray,
 ) -> Fitted:
     """Fit alone the contacts that break the law of the others.

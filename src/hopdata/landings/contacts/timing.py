@@ -320,12 +320,16 @@ class _Round:
         Judges other fits of each recording: see `_judged`.
     about_fit_m : (R,) array
         Noise of the heights of each recording about the fits, m.
+    common_errors : callable
+        Computes the errors (R, n), s, that the fits of a foot share: see
+        `passes.CommonErrors`.
     """
 
     rough: list[_Rough]
     contacts: list[Contacts]
     judged: Sequence[Callable[..., Contacts]]
     about_fit_m: FloatArray
+    common_errors: passes.CommonErrors
 
 
 def _round(
@@ -351,7 +355,7 @@ def _round(
     side_by_side = Trials.of(feet, [len(known.near) for known in rough])
     noise_m = np.array([known.noise_m for known in rough])
     status = np.concatenate([known.status for known in rough])
-    fitted = passes.fit_contacts(
+    fitted, common_errors = passes.fit_contacts(
         side_by_side,
         np.concatenate([known.near for known in rough]),
         status == descents.LANDED,
@@ -371,7 +375,7 @@ def _round(
         judge(known, fitted, number)
         for number, (judge, known) in enumerate(zip(judged, rough, strict=True))
     ]
-    return _Round(rough, contacts, judged, about_fit_m)
+    return _Round(rough, contacts, judged, about_fit_m, common_errors)
 
 
 def _low_enough(
@@ -398,13 +402,14 @@ def _low_enough(
         ]
         one = round_of([known for known, _ in higher])
     contacts = []
-    for trial, its, known, too_high in zip(
-        trials, one.contacts, one.rough, refuted, strict=True
+    for trial, its, known, too_high, common in zip(
+        trials, one.contacts, one.rough, refuted, one.common_errors(), strict=True
     ):
         glides_on = too_high & (its.status != descents.LANDED)
         glides_on |= _too_high(trial, its, known)[1]
         status = np.where(glides_on, descents.GLIDES, its.status)
-        contacts.append(replace(its, status=status))
+        common = np.hypot(common, its.common)
+        contacts.append(replace(its, status=status, common=common))
     return replace(one, contacts=contacts)
 
 
@@ -513,7 +518,7 @@ def _after_glides(
     none_rises = np.zeros(near.shape, dtype=bool)
     again = judged(
         _Rough(near, earliest, sought, noise_m),
-        passes.Fitted(alone, near, fits, contacts.common[None], none_rises),
+        passes.Fitted(alone, near, fits, none_rises),
         0,
     )
     se = np.hypot(again.se, UNKNOWN_SOFTNESS_S)
@@ -679,6 +684,8 @@ def _judged(
 ) -> Contacts:
     """Return the contacts of one of the recordings that were fitted together.
 
+    What they share is only that feet bounce: `_low_enough` adds what the law leaves.
+
     `noise_m` is the noise of its heights about the fits, and `limit` the largest
     accepted misfit.
     """
@@ -712,7 +719,6 @@ def _judged(
     # Markers of one foot turn about one another: their law says how they come down.
     feet = trial.foot_of or range(trial.heights.shape[1])
     turns = np.bincount(feet)[list(feet)] > 1
-    common = np.hypot(fitted.common[number], np.where(turns, 0.0, bounce_s))
 
     # After the earliest instant the foot only has to come to rest, which takes no
     # longer than this.
@@ -720,6 +726,6 @@ def _judged(
     return replace(
         judged,
         se=np.minimum(se, longest_s),
-        common=common,
+        common=np.where(turns, 0.0, bounce_s),
         earliest=rough.earliest,
     )
