@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,44 @@ import pandas as pd
 from bodies import Body
 
 Rows = list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the command line asks of a benchmark.
+
+    Parameters
+    ----------
+    out : Path
+        Table to write.
+    seeds : range
+        One for each study of a kind.
+    jobs : int
+        Number of processes.
+    """
+
+    out: Path
+    seeds: range
+    jobs: int
+
+
+def read_options(about: str | None, *, studies: int, first_seed: int) -> Options:
+    """Return what the command line asks for, by default these studies of each kind."""
+    parser = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--studies", type=int, default=studies, help="of each kind")
+    parser.add_argument("--first", type=int, default=first_seed, help="first seed")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count())
+    args = parser.parse_args()
+    return Options(args.out, range(args.first, args.first + args.studies), args.jobs)
+
+
+def write_table(found: pd.DataFrame, file: Path) -> None:
+    """Write a table of a benchmark, and print it."""
+    found.to_csv(file, index=False, float_format="%.4g")
+    print(found.to_string(index=False))
 
 
 def run(

@@ -30,18 +30,15 @@ share of the mean slope over the landings (median). `detectable` is a median. Se
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations, permutations, product
-from pathlib import Path
 from typing import Any
 
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from campaigns import run
+from campaigns import read_options, run, write_table
 from fading import CONTACT_SPREAD_S, FALLING, MARKERS_M, SPREADS
 
 from hopdata.maps.truth.maps import marker_motions, marker_states
@@ -256,22 +253,12 @@ def _ends(name: str, values: pd.Series) -> dict[str, float]:
 
 def main() -> None:
     """Judge the studies and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--studies", type=int, default=STUDIES, help="of each kind")
-    parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    args = parser.parse_args()
+    args = read_options(__doc__, studies=STUDIES, first_seed=FIRST_SEED)
     file = args.out.with_name("verdict_curvature_studies.csv")
-    seeds = range(args.first, args.first + args.studies)
-    tasks = list(product(KINDS, LANDINGS, seeds))
+    tasks = list(product(KINDS, LANDINGS, args.seeds))
     named = ("kind", "landings", "seed")
     run(file, COLUMNS, judged, tasks, named=named, jobs=args.jobs)
-    found = table(pd.read_csv(file))
-    found.to_csv(args.out, index=False, float_format="%.4g")
-    print(found.to_string(index=False))
+    write_table(table(pd.read_csv(file)), args.out)
 
 
 if __name__ == "__main__":

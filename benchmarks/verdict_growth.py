@@ -42,18 +42,15 @@ above `twice_high_from`, so that the verdict excludes it.
 
 from __future__ import annotations
 
-import argparse
-import os
 from dataclasses import replace
 from itertools import combinations, product
-from pathlib import Path
 from typing import Any
 
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
 from bodies import Landings, Seen, study
-from campaigns import run
+from campaigns import read_options, run, write_table
 from fading import DELAYS, SHAPES, fading_landings
 from verdict_campaign import asked, cell, moved, source
 
@@ -292,38 +289,25 @@ def in_order_of_shapes(rows: pd.DataFrame) -> pd.DataFrame:
 
 def main() -> None:
     """Judge the studies and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--studies", type=int, default=STUDIES, help="of each kind")
-    parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    args = parser.parse_args()
+    args = read_options(__doc__, studies=STUDIES, first_seed=FIRST_SEED)
     file = args.out.with_name("verdict_growth_studies.csv")
-    seeds = range(args.first, args.first + args.studies)
     kinds = [*ADDED_KINDS, *MECHANISMS]
-    tasks = [(kind, seed) for seed, kind in product(seeds, kinds)]
+    tasks = [(kind, seed) for seed, kind in product(args.seeds, kinds)]
     run(file, COLUMNS, judged, tasks, named=("kind", "seed"), jobs=args.jobs)
-    found = table(pd.read_csv(file))
-    found.to_csv(args.out, index=False, float_format="%.4g")
-    print(found.to_string(index=False))
+    write_table(table(pd.read_csv(file)), args.out)
 
     file = args.out.with_name("verdict_shapes_studies.csv")
-    tasks = list(product(SHAPES, DELAYS, TIME_CONSTANTS_MS, seeds))
+    tasks = list(product(SHAPES, DELAYS, TIME_CONSTANTS_MS, args.seeds))
     named = (*OF_FADING, "seed")
     run(file, FADING_COLUMNS, judged_fading, tasks, named=named, jobs=args.jobs)
     rows = in_order_of_shapes(pd.read_csv(file))
-    found = table_of_fading(rows)
-    found.to_csv(args.out.with_name(SHAPES_TABLE), index=False, float_format="%.4g")
-    print(found.to_string(index=False))
+    write_table(table_of_fading(rows), args.out.with_name(SHAPES_TABLE))
 
     file = args.out.with_name("verdict_unseen_studies.csv")
-    tasks = list(product(SHAPES, DELAYS, UNSEEN_MS, seeds))
+    tasks = list(product(SHAPES, DELAYS, UNSEEN_MS, args.seeds))
     run(file, UNSEEN_COLUMNS, judged_unseen, tasks, named=named, jobs=args.jobs)
-    found = table_of_unseen(in_order_of_shapes(pd.read_csv(file)))
-    found.to_csv(args.out.with_name(UNSEEN_TABLE), index=False, float_format="%.4g")
-    print(found.to_string(index=False))
+    rows = in_order_of_shapes(pd.read_csv(file))
+    write_table(table_of_unseen(rows), args.out.with_name(UNSEEN_TABLE))
 
 
 if __name__ == "__main__":

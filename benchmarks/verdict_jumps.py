@@ -29,17 +29,14 @@ difference is said to fade. Seeds below 6000 were used to choose.
 
 from __future__ import annotations
 
-import argparse
-import os
 from dataclasses import dataclass
 from itertools import combinations, product
-from pathlib import Path
 from typing import Any
 
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from campaigns import run
+from campaigns import read_options, run, write_table
 from fading import CONTACT_SPREAD_S, FALLING, MARKERS_M, SPREADS
 
 from hopdata.maps.truth.maps import marker_motions, marker_states
@@ -228,22 +225,12 @@ def table(rows: pd.DataFrame) -> pd.DataFrame:
 
 def main() -> None:
     """Judge the studies and write the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--studies", type=int, default=STUDIES, help="of each kind")
-    parser.add_argument("--first", type=int, default=FIRST_SEED, help="first seed")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count())
-    args = parser.parse_args()
+    args = read_options(__doc__, studies=STUDIES, first_seed=FIRST_SEED)
     file = args.out.with_name("verdict_jumps_studies.csv")
-    seeds = range(args.first, args.first + args.studies)
-    tasks = list(product(KINDS, FEET, seeds))
+    tasks = list(product(KINDS, FEET, args.seeds))
     named = ("kind", "feet", "seed")
     run(file, COLUMNS, judged, tasks, named=named, jobs=args.jobs)
-    found = table(pd.read_csv(file))
-    found.to_csv(args.out, index=False, float_format="%.4g")
-    print(found.to_string(index=False))
+    write_table(table(pd.read_csv(file)), args.out)
 
 
 if __name__ == "__main__":
