@@ -463,9 +463,8 @@ def contacts(
     """
     _check_options(sure, floor or {}, options)
     spans = excluded_spans(exclude)
-    several, of_files = _as_several(recordings)
+    several, of_files, remarks = _as_several(recordings)
     require_distinct(several)
-    remarks: list[Message] = []
     levelled = []
     for known, guessed in with_feet(several, named_feet(feet)):
         known, left_out = without_spans(known, spans)
@@ -634,8 +633,10 @@ def _in_order(tables: Sequence[pd.DataFrame], names: Sequence[str]) -> pd.DataFr
     return whole.loc[order].reset_index(drop=True)
 
 
-def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
-    """Return recordings, and the files of each that was given by its path.
+def _as_several(
+    given: Any,
+) -> tuple[list[Recording], list[list[Path]], list[Message]]:
+    """Return recordings, the files of each, and what was noted when they were read.
 
     Files of the same name in different folders get names that differ. A recording has
     the file that it was read from. No files are returned if none has one.
@@ -647,6 +648,7 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
         several = [given]
     found: list[Recording] = []
     files: list[list[Path]] = []
+    remarks: list[Message] = []
     for one in several:
         if isinstance(one, str | Path):
             taken = [other.name for other in found]
@@ -655,7 +657,12 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
             while name in taken:
                 name = f"{Path(one).stem}_{number}"
                 number += 1
-            found.append(read(one, name=name))
+            recording = read(one, name=name)
+            remarks += [
+                Message("recordings.as_read", {"text": text})
+                for text in recording.remarks
+            ]
+            found.append(recording)
             files.append([Path(one)])
         elif isinstance(one, Recording):
             # The unit of a file is looked at when it is read; arrays have none.
@@ -668,7 +675,7 @@ def _as_several(given: Any) -> tuple[list[Recording], list[list[Path]]]:
             raise ArgumentError.at("recordings", wanted, f"{one!r}"[:60])
     if not found:
         raise ArgumentError.at("recordings", "a recording or several", "none")
-    return found, files if any(files) else []
+    return found, files if any(files) else [], remarks
 
 
 def _file_of(recording: Recording) -> list[Path]:

@@ -79,6 +79,20 @@ def test_an_unnamed_limb_that_rests_is_told_of_and_what_it_does(recording, capsy
     assert told not in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("stated", "is_told"), [("mm", False), ("m", True)])
+def test_a_stated_unit_that_cannot_be_is_told_of(tmp_path, capsys, stated, is_told):
+    time, positions = hopping(1, n_frames=500)
+    file = tmp_path / "one.c3d"
+    write_c3d(file, RawRecording(MARKERS, time, 1000 * positions, 100.0, stated))
+    assert main(["contacts", str(file)]) == 0
+    told = capsys.readouterr().out
+    assert ("the file states m; taken for mm" in told) == is_told
+    remarks = str(hd.contacts(file).remarks)
+    assert ("expected m as stated" in remarks) == is_told
+    assert main(["contacts", str(file), "--unit", "mm"]) == 0
+    assert "states" not in capsys.readouterr().out
+
+
 def test_one_named_foot_is_enough(recording, capsys):
     assert main(["contacts", str(recording), "--feet", "toe2"]) == 0
     out = capsys.readouterr().out

@@ -293,6 +293,10 @@ def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
     asked = listing.questions(inspection)
     told_later += [str(one) for one in asked]
     others = [note for note in listing.notes(inspection) if note not in told_later]
+    unit = inspection.unit
+    if unit.overrules:
+        values = {"stated": unit.overrules, "unit": unit.value, "reason": unit.why}
+        others.append(str(Message("commands.unit_overruled", values)))
     if inspection.suspects():
         # Frames of exchanged or frozen markers are not timed: landings may be lost.
         suspects = {"answer": listing.answer(inspection)}
@@ -313,7 +317,7 @@ def _look_at(file: Path, options: argparse.Namespace) -> _Looked:
     _require_markers("--body", file, body, inspection)
     return _Looked(
         file,
-        inspection.unit.value,
+        unit.value,
         inspection.up.value,
         GuessedFeet.of(inspection.markers, feet, joined),
         body,

@@ -21,6 +21,8 @@ class Guess:
         The alternative value, if this one is not sure.
     evidence : tuple of Message
         All that was found for and against, one message each.
+    overrules : str
+        What the file states, where it cannot be and this value takes its place.
     """
 
     value: str
@@ -28,6 +30,7 @@ class Guess:
     is_sure: bool = True
     other: str = ""
     evidence: tuple[Message, ...] = ()
+    overrules: str = ""
 
     @property
     def reason(self) -> str:

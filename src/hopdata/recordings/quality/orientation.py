@@ -251,6 +251,8 @@ def guess_unit_and_up(
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
     as_given = Message("recordings.given")
     unit_guess = Guess(unit, as_given) if unit else _unit(raw, fall)
+    if not unit and raw.unit_is_stated and unit_guess.value != raw.unit:
+        unit_guess = replace(unit_guess, overrules=raw.unit)
     if up is not None and up != "auto":
         return unit_guess, Guess(up, as_given)
     return unit_guess, _up(up_evidence(raw, fall, markers or {}))
