@@ -30,7 +30,14 @@ def refused(program, arguments):
     Its options are read from its source, without what it imports.
     """
     parser = argparse.ArgumentParser(exit_on_error=False)
-    for node in ast.walk(ast.parse((ROOT / program).read_text(encoding="utf-8"))):
+    source = (ROOT / program).read_text(encoding="utf-8")
+    if "read_options(" in source:  # those that several programs share
+        source += (
+            (ROOT / "benchmarks/campaigns.py")
+            .read_text(encoding="utf-8")
+            .replace("from __future__ import annotations", "")
+        )
+    for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Call) and getattr(node.func, "attr", "") == (
             "add_argument"
         ):

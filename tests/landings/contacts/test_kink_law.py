@@ -386,3 +386,50 @@ def test_a_kink_that_is_too_high_is_no_contact():
     assert (above.instant[:, 1] >= feet.contacts[:, 1] + 0.005 - 1e-12).all()
     assert (NOISE_M * above.unit_se[:, 1] > 0.01).mean() > 0.9
     assert (NOISE_M * free.unit_se[:, 1] < 0.002).mean() > 0.9
+
+
+def pushes_learned(of_one, of_others, *, sd=2.0):
+    """Return mean and sd, m/s^2, of a foot's push by another foot, and of all others'.
+
+    The changes of acceleration (L, 3, 2) of three feet are known to `sd`: `of_one` (L,)
+    of the first foot by the second, and `of_others` (L,) of all others, in turn.
+    """
+    landings = len(of_one)
+    flight, se = np.zeros((landings, 3, 6)), np.full((landings, 3, 6), np.inf)
+    for foot in range(3):
+        for column in (1, 3):
+            flight[:, foot, column] = np.roll(of_others, 3 * foot + column)
+            se[:, foot, column] = sd
+    flight[:, 0, 1] = of_one
+    blank, counts = np.zeros((landings, 3)), np.zeros((landings, 3), dtype=np.int64)
+    (found,) = learn(
+        KinkFits(
+            blank, blank, blank, blank, flight, se, blank, blank, blank, counts, counts
+        ),
+        noise_m=np.ones(1),
+        priors=[FlightPriors(np.zeros((3, 6)), np.full((3, 6), 30.0))],
+        of_landing=np.zeros(landings, dtype=np.int64),
+        sharpen=True,
+    )
+    return (found.mean[0, 1], found.sd[0, 1]), (found.mean[1, 1], found.sd[1, 1])
+
+
+def test_what_only_seems_to_push_a_foot_is_no_law_of_its_own():
+    """Found in 14 landings of a foot that had touched before it was said to."""
+    seeming = [-88.0, 26.0, 429.0, 182.0, -26.0, 54.0, 11.0]
+    seeming += [393.0, -3.0, 5.0, 24.0, 405.0, 380.0, -99.0]
+    usual = np.random.default_rng(1).normal(5.0, 5.0, 14)
+    one, other = pushes_learned(np.array(seeming), usual)
+    assert other[0] == pytest.approx(5.0, abs=5.0)
+    assert one[0] == pytest.approx(other[0], abs=5.0)
+    assert one[1] < 30.0
+
+
+@pytest.mark.parametrize("sd", [3.0, 20.0])
+def test_a_leg_that_truly_pushes_more_has_a_law_of_its_own(sd):
+    rng = np.random.default_rng(2)
+    usual = rng.normal(5.0, 2.0, 40)
+    one, other = pushes_learned(rng.normal(60.0, sd, 40), usual)
+    assert one[0] == pytest.approx(60.0, abs=10.0)
+    assert one[1] == pytest.approx(sd, abs=0.5 * sd)
+    assert other[0] == pytest.approx(5.0, abs=2.0)

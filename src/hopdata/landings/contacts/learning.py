@@ -53,6 +53,11 @@ TELLING_ALONE = 0.5
 #: Unit: standard deviations. Origin: chosen.
 OUTLYING = 4.0
 
+#: Standard errors by which the pushes of a foot must scatter more, or be others, than
+#: those of all feet, to be sure of it.
+#: Unit: standard errors. Origin: convention.
+SURE_SIGMAS = 3.0
+
 #: Smallest standard deviation that one step of learning may give, as a share of the
 #: prior's before it. Zero would be final: a sharp prior reproduces itself.
 #: Unit: 1. Origin: chosen.
@@ -83,6 +88,7 @@ class Kind(IntEnum):
 
 
 PUSHES = (Kind.PUSH, Kind.PUSH_JERK, Kind.HINGE, Kind.HINGE_KINK)
+BETWEEN_FEET = (Kind.PUSH, Kind.PUSH_JERK)
 
 
 class Entry(NamedTuple):
@@ -189,7 +195,8 @@ def learn(
     in a last step with `sharpen`. A foot's own acceleration is learned from the
     landings in which it touched first, since no leg has pushed there. Entries with few
     informative landings take the pooled distribution of all entries of their kind, or
-    stay as they were.
+    stay as they were. So do pushes that scatter more than those of their kind: a foot
+    that is taken to be still in flight seems to be pushed by what is its own contact.
 
     Recordings share the distribution of an entry, unless the variance between them is
     clearly not zero: then the mean of a recording is drawn to that of all, and one of
@@ -238,10 +245,13 @@ def learn(
             for i, j in places
         ]
         if kind in PUSHES and not sharpen:
-            found = _mixtures(entries, of_landing, len(priors))
+            samples = _of_posteriors(entries, of_landing)
+            estimate = partial(_mixture, recordings=len(priors))
         else:
+            samples = _of_data(entries, of_landing)
             wider = kind in PUSHES
-            found = _likeliest(entries, of_landing, len(priors), wider=wider)
+            estimate = partial(_levels, recordings=len(priors), wider=wider)
+        found = _own_or_pooled(samples, estimate, doubted=kind in BETWEEN_FEET)
         for (i, j), behind in zip(places, found, strict=True):
             if behind is None:
                 continue
@@ -272,21 +282,17 @@ def _kinds(hinged: BoolArray) -> IntArray:
     return kinds
 
 
-def _mixtures(
-    entries: list[Entry], of_landing: IntArray, recordings: int
-) -> list[list[Normal] | None]:
-    """Take one step of expectation maximisation: mix the posteriors of each entry."""
+def _of_posteriors(entries: list[Entry], of_landing: IntArray) -> list[Sample]:
+    """Return the posteriors of each entry in the landings that tell of it."""
     samples = []
     for value, variance, _, prior_sd in entries:
         telling = (variance < TELLING * prior_sd**2) & np.isfinite(value)
         samples.append(Sample(value[telling], variance[telling], of_landing[telling]))
-    return _own_or_pooled(samples, partial(_mixture, recordings=recordings))
+    return samples
 
 
-def _likeliest(
-    entries: list[Entry], of_landing: IntArray, recordings: int, *, wider: bool
-) -> list[list[Normal] | None]:
-    """Return the distribution behind each entry, from the data without the prior."""
+def _of_data(entries: list[Entry], of_landing: IntArray) -> list[Sample]:
+    """Return what the data say of each entry, without the prior."""
     samples = []
     for value, variance, prior_mean, prior_sd in entries:
         telling = (variance < TELLING_ALONE * prior_sd**2) & np.isfinite(value)
@@ -298,21 +304,43 @@ def _likeliest(
         weighted = value[telling] / variance - prior_mean[telling] / prior_variance
         of_data = variance_of_data * weighted
         samples.append(Sample(of_data, variance_of_data, of_landing[telling]))
-    return _own_or_pooled(samples, partial(_levels, recordings=recordings, wider=wider))
+    return samples
 
 
 def _own_or_pooled(
-    samples: list[Sample], estimate: Estimate
+    samples: list[Sample], estimate: Estimate, *, doubted: bool
 ) -> list[list[Normal] | None]:
-    """Estimate each entry from its values and variances, or from all if it has few."""
+    """Estimate each entry from its values and variances, or from those of all.
+
+    The latter if its own are few, or if they scatter as no law does and are `doubted`.
+    """
     pooled = estimate(
         Sample(*(np.concatenate(part) for part in zip(*samples, strict=True)))
     )
     found = []
     for sample in samples:
         own = estimate(sample)
-        found.append(pooled if own is None else own)
+        if own is None or (doubted and _only_scatters(own, pooled, len(sample.value))):
+            own = pooled
+        found.append(own)
     return found
+
+
+def _only_scatters(own: list[Normal], pooled: list[Normal] | None, number: int) -> bool:
+    """Tell whether values scatter surely more than those of their kind, not elsewhere.
+
+    `number` is that of the values behind the normals `own` of the recordings.
+    """
+    if pooled is None:
+        return False
+    for mine, of_all in zip(own, pooled, strict=True):
+        is_wider = mine.sd > of_all.sd * (1 + SURE_SIGMAS / np.sqrt(2 * number))
+        is_elsewhere = abs(mine.mean - of_all.mean) > (
+            SURE_SIGMAS * mine.sd / np.sqrt(number)
+        )
+        if is_wider and not is_elsewhere:
+            return True
+    return False
 
 
 def _mixture(sample: Sample, *, recordings: int) -> list[Normal] | None:
