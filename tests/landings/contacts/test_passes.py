@@ -8,7 +8,7 @@ from falling_feet import NOISE_M, falls
 
 from hopdata.landings.contacts import descents, kink_law
 from hopdata.landings.contacts.approach import approaches
-from hopdata.landings.contacts.law import FootHeights, Trials
+from hopdata.landings.contacts.law import FRAMES_AFTER, FootHeights, Trials
 from hopdata.landings.contacts.passes import (
     LONG_WINDOWS_S,
     SHORT_WINDOWS_S,
@@ -54,6 +54,17 @@ def test_feet_that_leave_at_once_are_fitted_alone_in_short_windows():
     found = fitted(made, made.heights)
     assert found.trials.feet[0].windows_s == SHORT_WINDOWS_S
     assert found.trials.feet[0].leaves_m == np.inf
+
+
+def test_a_single_foot_that_leaves_at_once_is_fitted_alone_and_not_lost():
+    made = falls(60, seed=3)
+    leaves = falls(60, seed=3, stands_s=0.012)
+    of_landing = np.repeat(np.arange(60), len(made.time) // 60)
+    is_this = (of_landing == 7)[:, None] & (np.arange(3) == 0)
+    found = fitted(made, np.where(is_this, leaves.heights, made.heights))
+    assert np.argwhere(found.rises).tolist() == [[7, 0]]
+    assert found.fits.n_after[7, 0] >= FRAMES_AFTER
+    assert abs(found.fits.instant[7, 0] - made.contacts[7, 0]) < 0.003
 
 
 def test_odd_landings_teach_no_law_and_are_fitted_alone():

@@ -11,7 +11,8 @@ from jumps import KINDS, NAMES, PELVIS, make
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import find_landings, find_study_landings
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
-from hopdata.landings.contacts.law import FootHeights, Trials
+from hopdata.landings.contacts.kink_law import _own_stances, weak_priors
+from hopdata.landings.contacts.law import FootHeights, Law, Trials, changed
 from hopdata.landings.contacts.learning import learn, pooled_noises
 from hopdata.landings.contacts.timing import Trial, find_all_contacts
 from hopdata.landings.floor import fit_floor, level
@@ -80,6 +81,25 @@ def test_few_landings_in_other_shoes_keep_their_softness():
     off = errors([shod[0]], [together[2]])
     assert abs(np.nanmean(off)) < 1e-3
     assert (np.abs(off) < 3 * stated).all()
+
+
+def test_recordings_that_all_differ_from_what_suits_them_together_keep_their_own():
+    """As where bare feet and shoes are equally many: nothing in between suits either."""
+    laws = tuple(Law(weak_priors(3, "learned"), noise_m=3e-4) for _ in range(4))
+    of_landing = np.repeat(np.arange(4), 10)
+    trials = Trials((), of_landing)
+    stances = [changed(laws, compliance_s=one_s) for one_s in (0.003, 0.005, 0.010)]
+    suits = {0: 0, 1: 0, 2: 2, 3: 2}
+    likelihoods = []
+    for number in range(3):
+        likes = [0.0 if suits[one] == number else -5.0 for one in of_landing]
+        likelihoods.append(np.repeat(np.array(likes)[:, None], 3, axis=1))
+    likelihoods[1] = np.full((40, 3), -3.0)
+    found = _own_stances(trials, stances[1], likelihoods[1], stances, likelihoods)
+    assert [law.compliance_s for law in found] == [0.003, 0.003, 0.010, 0.010]
+    alike = [likelihoods[1], likelihoods[1] - 1.0, likelihoods[1] - 1.0]
+    found = _own_stances(trials, stances[1], likelihoods[1], stances, alike)
+    assert [law.compliance_s for law in found] == [0.005] * 4
 
 
 def test_a_recording_in_which_no_law_holds_does_not_spoil_the_others():

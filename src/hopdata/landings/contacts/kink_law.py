@@ -569,7 +569,7 @@ def _own_stances(
     n_fits = _of_each(trials, np.isfinite(best_likelihood))
     chance = STANCE_GAIN + STANCE_GAIN_PER_FIT * n_fits
     is_sure = gains.max(axis=0) > np.maximum(chance, TELLING_LOSS)
-    if is_sure.all() or not is_sure.any():
+    if not is_sure.any() or len(best) == 1:
         return best  # no recording says that it differs from the others
     likeliest = np.argmax(gains, axis=0)
     known = np.unique(likeliest[is_sure])

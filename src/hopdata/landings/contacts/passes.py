@@ -133,11 +133,7 @@ def fit_contacts(
         return _side_by_side(holds, *parts)
 
     lawful, joint = _without_odd_landings(first, joint, fit_together, noise_m)
-    share = stands[landed].mean()
-    some_rise = share < 1 - kink_law.UNDETERMINED_SHARE  # more than by chance
-    fitted = _with_exceptions_alone(
-        lawful, some_rise, short_windows_s, fit_alone, noise_m
-    )
+    fitted = _with_exceptions_alone(lawful, short_windows_s, fit_alone, noise_m)
     return fitted, partial(kink_law.common_errors, lawful.trials, joint)
 
 
@@ -254,7 +250,6 @@ def _without_odd_landings(
 
 def _with_exceptions_alone(
     lawful: Fitted,
-    some_rise: bool,
     short_windows_s: Sequence[Windows],
     fit: FitAlone,
     noise_m: FloatArray,
@@ -265,13 +260,15 @@ def _with_exceptions_alone(
     down, so that too few frames are left for the law.
     """
     odd = _are_odd(lawful, noise_m)
-    rises = (lawful.fits.n_after < FRAMES_AFTER) & some_rise
-    exceptions = rises | odd
-    if not exceptions.any():
+    rises = lawful.fits.n_after < FRAMES_AFTER
+    if not (rises | odd).any():
         return lawful
     short = _in_short_windows(lawful.trials, short_windows_s)
     alone, _ = fit(short, lawful.near)
-    fits = merged(lawful.fits, alone, exceptions)
+    # A foot that rises may come down again, which is no contact of this landing.
+    after_s = lawful.trials.at(np.array([after_s for _, after_s in short_windows_s]))
+    rises &= np.abs(alone.instant - lawful.fits.instant) < after_s[:, None]
+    fits = merged(lawful.fits, alone, rises | odd)
     return replace(lawful, fits=fits, rises=rises)
 
 
