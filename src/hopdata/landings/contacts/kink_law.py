@@ -589,7 +589,11 @@ def _of_each(trials: Trials, values: FloatArray | BoolArray) -> FloatArray:
 
 
 def _refined(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
-    """Adjust the compliances of soft contacts to the laws learned with them."""
+    """Adjust the compliances of soft contacts to the laws learned with them.
+
+    Recordings of one stance are adjusted together, but one to which another compliance
+    is clearly likelier: with weak priors it may not have been sure.
+    """
     for factors in REFINEMENTS:
         refined_s = {}
         of_factors = [_softer(laws, factor) for factor in factors]
@@ -597,16 +601,18 @@ def _refined(trials: Trials, instant: FloatArray, laws: Laws) -> Laws:
         if not stances_s:
             return laws
         likelihoods = [log_likelihood(trials, instant, trial) for trial in of_factors]
+        best_likelihood = likelihoods[factors.index(1.0)].copy()
         for own_s in stances_s:
-            # Recordings of one stance are adjusted together.
             rows = trials.at(np.array([law.compliance_s == own_s for law in laws]))
             totals = [float(np.nansum(likelihood[rows])) for likelihood in likelihoods]
             trials_s = [own_s * factor for factor in factors]
             refined_s[own_s] = likeliest_trial(trials_s, totals)
+            best_likelihood[rows] = likelihoods[int(np.argmax(totals))][rows]
         laws = tuple(
             replace(law, compliance_s=refined_s.get(law.compliance_s, 0.0))
             for law in laws
         )
+        laws = _own_stances(trials, laws, best_likelihood, of_factors, likelihoods)
     return laws
 
 
