@@ -9,6 +9,7 @@ from contact_instants import mean_kink_bound
 from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
 from synthetic_landings import simulate, transitions_of
 
+from hopdata.landings.contacts import kink_law
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.kink_law import learned_laws, single_fits, weak_priors
@@ -433,3 +434,15 @@ def test_a_leg_that_truly_pushes_more_has_a_law_of_its_own(sd):
     assert one[0] == pytest.approx(60.0, abs=10.0)
     assert one[1] == pytest.approx(sd, abs=0.5 * sd)
     assert other[0] == pytest.approx(5.0, abs=2.0)
+
+
+@pytest.mark.parametrize("of_each", [0.5, -0.5])
+def test_no_single_contact_decides_that_legs_strike(monkeypatch, of_each):
+    feet = falls(40, seed=3)
+    trials = Trials.of([FootHeights(feet.time, feet.heights, (0.08, 0.05))], [40])
+    laws = (Law(weak_priors(3, "learned"), noise_m=6e-4),)
+    likelihoods = [np.full((40, 3), of_each), np.zeros((40, 3))]
+    likelihoods[0][7, 1] = 160.0
+    monkeypatch.setattr(kink_law, "log_likelihood", lambda *_, **__: likelihoods.pop(0))
+    better = kink_law._fits_better(trials, (laws, feet.contacts), (laws, feet.contacts))
+    assert better == (of_each > 0)

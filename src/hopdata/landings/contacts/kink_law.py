@@ -257,7 +257,10 @@ def _fits_better(
     other: tuple[Laws, FloatArray],
     first: tuple[Laws, FloatArray],
 ) -> bool:
-    """Tell whether the data clearly speak for the other laws with their instants."""
+    """Tell whether the data clearly speak for the other laws with their instants.
+
+    A law is one of all landings, so no single contact decides, however much it gains.
+    """
     laws, instant = first
     other_laws, other_instant = other
     same_noise = tuple(
@@ -270,7 +273,7 @@ def _fits_better(
         log_likelihood(other_some, other_instant, same_noise),
         log_likelihood(some, instant, laws),
     )
-    return bool(gain.sum() > TELLING_LOSS)
+    return bool(np.clip(gain, -STANCE_GAIN, STANCE_GAIN).sum() > TELLING_LOSS)
 
 
 def _hidden_by_the_law(
