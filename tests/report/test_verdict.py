@@ -167,6 +167,7 @@ def test_which_orders_differ_is_said_and_tabled():
     pair |= {"low": 0.2, "high": 0.5, "p_value": 0.0005}
     pair |= {"n_first": 31, "n_second": 47, "allowed": 0.1}
     known = verdict(
+        n_feet=2,
         orders=[pair],
         main_contrast="surest to differ are the orders 1 → 2 and 2 → 1",
     )
@@ -216,6 +217,50 @@ def test_rows_above_the_bound_of_the_answer_are_explained():
     found = orders_table(verdict(orders=[pair], conclusion="different")).note.text()
     assert "700" in found
     assert "answer's bound" not in found
+
+
+def saturating(**changes):
+    """Return a verdict on a difference that fades before the feet are far apart."""
+    over = verdict()["effect"] | {"estimate": 0.21, "low": 0.12, "high": 0.31}
+    contact = over | {"estimate": 0.37, "high": None, "upper_bound": None}
+    found = {"conclusion": "different", "saturates": True, "effect": contact}
+    return verdict(**found, effect_over_landings=over, **changes)
+
+
+def of_two_feet(first, second, of="map"):
+    pair = {"of": of, "first": first, "second": second, "estimate": 0.2, "low": 0.1}
+    return pair | {"high": 0.31, "p_value": 0.001, "n_first": 30, "n_second": 39}
+
+
+def test_rows_of_maps_are_said_to_be_over_the_landings_and_open_at_the_contact():
+    orders = [of_two_feet("1>2", "2>1")]
+    found = orders_table(saturating(orders=orders)).note.text().replace("\u00a0", " ")
+    assert "relative difference of their derivatives over these landings." in found
+    assert "Where all feet touch at once each may be larger" in found
+    assert "at least 12 %, is of all pairs together" in found
+    page = Page(build_report(full_study(verdict=saturating(orders=orders))))
+    assert "two maps may differ more: differences are found to fade" in page.text
+
+    lasting = verdict(conclusion="different", orders=orders)
+    note = orders_table(lasting).note.text()
+    assert "over these landings" in note
+    assert "all feet touch at once" not in note
+    page = Page(build_report(full_study(verdict=lasting)))
+    assert "two maps may differ more" not in page.text
+
+
+def test_either_order_of_two_feet_of_more_does_not_read_like_a_whole_order():
+    together = of_two_feet("1>2, 4>3", "2>1, 3>4", "jump")
+    orders = [of_two_feet("1>2", "2>1"), together]
+    feet = ("FL", "FR", "RL", "RR")
+    rows = orders_table(verdict(n_feet=4, orders=orders), feet).rows
+    assert rows[0][1] == "FL before FR, or the reverse"
+    assert rows[1][1] == "FL before FR, RR before RL, or the reverse"
+    of_two = orders_table(verdict(n_feet=2, orders=orders[:1]), ("L", "R")).rows
+    assert of_two[0][1] == "L → R and R → L"
+    whole = of_two_feet("1>2>3", "2>1>3")
+    of_three = orders_table(verdict(n_feet=3, orders=[whole])).rows
+    assert of_three[0][1] == "1 → 2 → 3 and 2 → 1 → 3"
 
 
 def test_the_figure_of_orders_has_a_letter_for_each_panel():

@@ -13,7 +13,7 @@ from hopdata.figures import style
 NO_SIZES = "This study has no size of a difference for each two contact orders."
 # Axis label of each kind of size, and the columns of panels in which the kinds stand.
 LABELS = {
-    "map": "difference between two maps\n(% of the map)",
+    "map": "difference between two maps\nover these landings (% of the map)",
     "order": "own map against all others\n(% of the map)",
     "jump": "jump where two feet exchange\n(% of the map)",
 }

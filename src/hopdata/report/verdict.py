@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.feet import with_foot_names
+from hopdata.feet import AND, with_foot_names
 from hopdata.messages import Message, in_per_cent
 from hopdata.report import formatting as show
 
@@ -501,9 +501,10 @@ def orders_table(
     rows = (verdict or {}).get("orders") or []
     if not rows:
         return None
+    n_feet = (verdict or {}).get("n_feet") or 0
     columns: show.Columns = {
         "compared": lambda row: str(OF_PAIR[row["of"]]),
-        "orders or feet": lambda row: _compared(row, feet),
+        "orders or feet": lambda row: _compared(row, feet, n_feet),
         "landings": _landings_of_pair,
         "size (%)": show.decimals("estimate", 1, 100.0),
         "from (%)": show.decimals("low", 1, 100.0),
@@ -526,6 +527,7 @@ def _orders_note(verdict: Verdict) -> Message:
         "confidence": show.percent(100 * verdict["confidence"]),
         "flips": show.count(verdict.get("flips")),
         "said": _of_all_orders(verdict),
+        "at_contact": _pairs_at_contact(verdict),
         "of_one": "",
         "with_one": "",
         "shared": "",
@@ -543,6 +545,19 @@ def _orders_note(verdict: Verdict) -> Message:
         return Message("report.orders_note", values)
     values["allowed"] = percent(max(known))
     return Message("report.orders_note_allowed", values)
+
+
+def _pairs_at_contact(verdict: Verdict) -> Message | str:
+    """Say that two maps may differ more at the contact, if that is found.
+
+    Pairs are never extrapolated: their sizes are those over the landings.
+    """
+    if not verdict.get("saturates") or verdict["conclusion"] != "different":
+        return ""
+    if verdict.get("decided_by") == "jump":
+        return ""
+    low = percent(verdict["effect"]["low"])
+    return Message("report.orders_at_contact", {"low": low})
 
 
 def _of_all_orders(verdict: Verdict) -> Message | str:
@@ -567,12 +582,26 @@ def _of_all_orders(verdict: Verdict) -> Message | str:
     return Message("report.orders_landings_bound", values)
 
 
-def _compared(row: Mapping[str, Any], feet: Sequence[str]) -> str:
+def _compared(row: Mapping[str, Any], feet: Sequence[str], n_feet: int) -> str:
+    """Return what a row compares.
+
+    Either order of two feet of more is no whole order, and is not written like one.
+    """
     first = with_foot_names(row["first"], feet)
     if row["of"] == "order":
         return first
+    exchanged = [one.split(">") for one in row["first"].split(AND)]
+    if n_feet > TWO and all(len(pair) == TWO for pair in exchanged):
+        befores = [_before(pair, feet) for pair in exchanged]
+        return str(Message("report.either_first", {"befores": AND.join(befores)}))
     second = with_foot_names(row["second"], feet)
     return str(Message("report.pair", {"first": first, "second": second}))
+
+
+def _before(pair: Sequence[str], feet: Sequence[str]) -> str:
+    """Return in words that the first of two feet touches before the second."""
+    first, second = [with_foot_names(foot, feet) for foot in pair]
+    return str(Message("report.foot_before", {"first": first, "second": second}))
 
 
 def _landings_of_pair(row: Mapping[str, Any]) -> str:

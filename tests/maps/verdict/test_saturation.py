@@ -117,6 +117,15 @@ def test_kinks_that_saturate_are_found_and_measured_at_the_contact(lasting, brie
     assert "upper end" not in lasting.sentence
 
 
+def test_rows_of_pairs_are_over_the_landings(lasting, brief):
+    """Also where the size at the contact is another: pairs are not extrapolated."""
+    for answer in (lasting, brief):
+        sizes = [row["estimate"] for row in answer.orders if row["of"] == "map"]
+        squared = np.mean(np.square(sizes))
+        assert squared == pytest.approx(answer.effect_over_landings.squared)
+    assert brief.effect.estimate**2 > 2.0 * brief.effect_over_landings.squared
+
+
 def test_a_size_at_the_contact_has_no_upper_end_if_it_saturates(lasting, brief):
     """In JSON it is null, and comes back; elsewhere ends are finite."""
     assert brief.effect.high == brief.effect.upper_bound == math.inf
