@@ -93,7 +93,7 @@ def test_a_bent_line_tells_where_its_slope_goes():
     bent = table_scaling_study(("hopper",))
     bent["pooled_rms"] = SCALES**2 / (1 + 3 * SCALES)
     figure = scaling_study_figure(bent.assign(slope=1.73))
-    (label,) = (text.get_text() for text in figure.legends[0].get_texts())
+    label = figure.legends[0].get_texts()[0].get_text()
     assert label == "hopper, slope 1.73, at the end 1.79"
 
 
@@ -149,6 +149,32 @@ def test_three_panels_with_a_line_a_case():
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels[0] == "hopper, slope 2.00, at the end 2.00"
     assert labels[1] == "coupled forces, κ = 0.2\nslope 1.00, at the end 1.00"
+    assert labels[4:] == ["slope 1, to compare", "slope 2, to compare"]
+    inside = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert inside == ["a", "b", "c"], "no text lies on a line"
+
+
+def numbers_in_sight(axes):
+    """Return the numbers of the upright axis that are drawn, with their texts."""
+    axes.figure.draw_without_rendering()
+    low, high = axes.get_ylim()
+    ticks = [*axes.yaxis.get_major_ticks(), *axes.yaxis.get_minor_ticks()]
+    inside = [tick for tick in ticks if low <= tick.get_loc() <= high]
+    return {tick.get_loc(): tick.label1.get_text() for tick in inside}
+
+
+def test_an_axis_within_a_decade_has_plain_numbers_and_a_longer_one_powers_of_ten():
+    near = table_scaling_study(("coupling",)).assign(
+        map_difference=[0.83, 1.0, 1.08, 1.15, 1.2], exact_difference=1.25
+    )
+    _, second, third = scaling_study_figure(near).axes
+    shown = numbers_in_sight(third)
+    assert len(shown) >= 3
+    assert all(float(text) == pytest.approx(at) for at, text in shown.items())
+    assert second.get_ylim()[1] / second.get_ylim()[0] > 10
+    labels = numbers_in_sight(second)
+    for power in (10, 100, 1000):
+        assert "10^" in labels[power]
 
 
 def test_a_case_without_landings_is_named():

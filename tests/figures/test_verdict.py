@@ -154,6 +154,25 @@ def test_a_size_without_an_upper_end_ends_in_an_arrow(conclusion, words):
     assert "no upper end, 95 % confidence" in texts(axes)
 
 
+def test_a_size_that_fades_is_titled_as_the_sentence_tells_it():
+    """The sentence has the size over the landings first, then that at the contact."""
+    contact = {"estimate": 0.75, "low": 0.31, "high": None, "upper_bound": None}
+    over = {"estimate": 0.53, "low": 0.31, "high": 0.69, "upper_bound": 0.68}
+    power = {"detectable": 0.26}
+    sizes = {"effect": contact | power, "effect_over_landings": over | power}
+    fading = verdict("different", saturates=True, **sizes)
+    figure = verdict_figure(fading, touchdowns())
+    assert text_faults(figure) == []
+    axes = figure.axes[0]
+    title = axes.get_title("left").replace("\u00a0", " ")
+    first, second = title.splitlines()
+    assert first == "Different maps: by 53 % over these landings,"
+    assert second == "by at least 31 % where all feet touch at once"
+    assert "where all feet touch at once" in axes.get_xlabel()
+    lasting = verdict_figure(verdict("different"), touchdowns()).axes[0]
+    assert "at once" not in lasting.get_title("left") + lasting.get_xlabel()
+
+
 def test_sentences_are_left_to_the_caption():
     """A figure of a paper has none below its axes, whatever is known."""
     plain = verdict_figure(verdict(), touchdowns())

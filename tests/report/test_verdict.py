@@ -249,6 +249,20 @@ def test_rows_of_maps_are_said_to_be_over_the_landings_and_open_at_the_contact()
     assert "two maps may differ more" not in page.text
 
 
+def test_the_estimate_that_the_figure_marks_is_told_with_what_may_be_printed():
+    text = Page(build_report(full_study(verdict=saturating()))).text
+    text = text.replace("\u00a0", " ")
+    assert "the estimate in it, 37 %, is extrapolated" in text
+    assert "where all feet touch at once, 37 %, is extrapolated" in text
+    assert "Print at least 12 % there" in text
+    assert "(a) The difference between the maps of the contact orders, where" in text
+    unsure = saturating() | {"conclusion": "cannot tell"}
+    text = Page(build_report(full_study(verdict=unsure))).text
+    assert "37" not in text.replace("\u00a0", " ").split("Quality of the data")[0]
+    lasting = verdict(conclusion="different")
+    assert "extrapolated" not in Page(build_report(full_study(verdict=lasting))).text
+
+
 def test_either_order_of_two_feet_of_more_does_not_read_like_a_whole_order():
     together = of_two_feet("1>2, 4>3", "2>1, 3>4", "jump")
     orders = [of_two_feet("1>2", "2>1"), together]

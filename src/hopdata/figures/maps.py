@@ -213,14 +213,16 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
         axes.set_xticks([], minor=True)
         axes.set(xlabel="scale of the deviations", ylabel=label)
         axes.grid(axis="y", which="major")
-    style.lettered(figure, panels, ncols=min(len(cases), 3))
     _draw_guides(panels[0], table)
+    style.lettered(figure, panels, ncols=3)
     for case in cases:
         exact = float(table.loc[table["case"] == case, "exact_difference"].median())
         if exact > SEEN:
             _, _, colour, _ = _shown(case)
             dashed = (0, (4, 2))
             panels[2].axhline(exact, color=colour, linestyle=dashed, linewidth=0.8)
+    for axes in panels:
+        style.numbers_within_a_decade(axes.yaxis)
     return figure
 
 
@@ -250,16 +252,25 @@ def _last_slope(rows: pd.DataFrame) -> float:
     return float(np.diff(errors)[0] / np.diff(scales)[0])
 
 
+# How far below the smallest error of the largest scale the guides meet, as a factor.
+GUIDES_MEET = 0.5
+# Slope of a guide, and its dashes.
+GUIDES = {1: (0, (1, 2)), 2: (0, (6, 2, 1, 2))}
+
+
 def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
-    """Draw lines of slope 1 and 2 below all curves, as guides for the eye."""
+    """Draw lines of slope 1 and 2 as guides for the eye, below all curves at one end.
+
+    The legend names them: curves may run anywhere, so no text beside a guide is sure to
+    stay free of lines.
+    """
     scales = np.array([table["scale"].min(), table["scale"].max()])
-    place = float(scales[1] ** 0.8 * scales[0] ** 0.2)
-    for power, share in ((1, 1.0), (2, 0.3)):
-        start = share * float(table["pooled_rms"].min())
-        line = start * (scales / scales[0]) ** power
-        axes.plot(scales, line, color=style.GREY, linewidth=0.7, linestyle=":")
-        at = (place, start * (place / scales[0]) ** power)
-        style.note(axes, f"slope {power}", at, (4, -2), va="top", color=style.GREY)
+    at_largest = table.loc[table["scale"] == scales[1], "pooled_rms"]
+    meet = GUIDES_MEET * float(at_largest.min())
+    for slope, dashes in GUIDES.items():
+        line = meet * (scales / scales[1]) ** slope
+        look: Any = {"color": style.GREY, "linewidth": 0.9, "linestyle": dashes}
+        axes.plot(scales, line, label=f"slope {slope}, to compare", **look)
 
 
 def _fraction(value: float) -> str:

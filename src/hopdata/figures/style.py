@@ -1,5 +1,6 @@
 """Style shared by all figures: paper sizes, and colours that all readers can tell."""
 
+import math
 import os
 import re
 import warnings
@@ -91,6 +92,23 @@ def plain_numbers(axis: Axis) -> None:
     """Show the numbers of a logarithmic axis as they are, and none at minor ticks."""
     axis.set_minor_locator(ticker.NullLocator())
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+# Numbers on an axis that has no two powers of ten, at most.
+NUMBERS_WITHIN = 5
+
+
+def numbers_within_a_decade(axis: Axis) -> None:
+    """Number a logarithmic axis that has no two powers of ten, as others are.
+
+    Such an axis would have one number, or odd ones at minor ticks.
+    """
+    low, high = sorted(axis.get_view_interval())
+    powers = math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
+    if powers > 1:
+        return
+    plain_numbers(axis)
+    axis.set_major_locator(ticker.MaxNLocator(NUMBERS_WITHIN))
 
 
 STYLE_FILE = Path(__file__).with_name("hopdata.mplstyle")

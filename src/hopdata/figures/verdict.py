@@ -27,6 +27,8 @@ AXES = {
     "effect": f"{ASKED}\n(% of the map; 0: one and the same map)",
     "jump": ("jump of the outcome between contact orders\n(% of the map; 0: none)"),
 }
+# The same of a size that is another over the landings.
+AT_CONTACT_AXIS = f"{ASKED}\nwhere all feet touch at once (% of the map)"
 # Conclusion: a short answer, and its shade. Colours mark the feet, and nothing else.
 ANSWERS = {
     "different": ("Different maps", style.INK),
@@ -224,7 +226,15 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
     axes.spines["left"].set_linewidth(2.0)
-    axes.set_xlabel(AXES[_decided(verdict)])
+    axes.set_xlabel(_axis_label(verdict))
+
+
+def _axis_label(verdict: Mapping[str, Any]) -> str:
+    """Return what the axis of the size is of; two sizes need their place."""
+    decided = _decided(verdict)
+    if decided == "effect" and verdict.get("saturates"):
+        return AT_CONTACT_AXIS
+    return AXES[decided]
 
 
 def _draw_margin(axes: Axes, margin: float) -> None:
@@ -303,7 +313,7 @@ def in_short(verdict: Mapping[str, Any]) -> str:
         return answer
     if not math.isfinite(_end(verdict["conclusion"], effect)):
         if verdict["conclusion"] == "different":
-            return f"{answer}: by at least {_percent(effect['low'])}"
+            return _in_short_without_end(answer, verdict)
         return f"{answer}: no upper bound"
     bound = _percent(effect["upper_bound"])
     if verdict["conclusion"] == "no difference":
@@ -315,6 +325,16 @@ def in_short(verdict: Mapping[str, Any]) -> str:
     high = _percent(effect["high"])
     by = {"effect": "by", "jump": "a jump of"}[_decided(verdict)]
     return f"{answer}: {by} {size} ({low} to {high})"
+
+
+def _in_short_without_end(answer: str, verdict: Mapping[str, Any]) -> str:
+    """Return the size over the landings, as the sentence has it, and at the contact."""
+    at_least = f"at least {_percent(verdict['effect']['low'])}"
+    over = verdict.get("effect_over_landings")
+    if over is None:
+        return f"{answer}: by {at_least}"
+    size = f"{_percent(over['estimate'])} over these landings"
+    return f"{answer}: by {size},\nby {at_least} where all feet touch at once"
 
 
 def _besides(verdict: Mapping[str, Any]) -> str:

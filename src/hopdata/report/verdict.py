@@ -29,6 +29,9 @@ FADES_TOWARDS_CONTACT = "maps.grows"
 # Facts on how far an answer reaches towards the simultaneous contact.
 REACH = ("margin", "holds_from", "contact_spread")
 
+# Facts on a difference that is another at the simultaneous contact.
+TWO_SIZES = ("over_landings", "at_contact", "low")
+
 # Feet up to which whole orders are compared; of more, the order of each two.
 ALL_ORDERS_UP_TO = 3
 
@@ -80,7 +83,7 @@ def reach(verdict: Verdict | None) -> list[Message]:
         name = "report.may_be_spent"
         if facts["conclusion"] == "different":
             name = "report.spent"
-        said.append(Message(name, {"over_landings": facts["over_landings"]}))
+        said.append(Message(name, {key: facts[key] for key in TWO_SIZES}))
     if facts["holds_from"]:
         values = {name: facts[name] for name in REACH}
         said.append(Message("report.unless_spent", values))
@@ -299,7 +302,8 @@ def verdict_facts(
         of a study that found nothing, if it is below that; ``bound_within``, the same
         bound, if it is below what is allowed for; ``margin``, below which
         a difference counts as none; ``over_landings``, the effect over the landings
-        with its interval, if the effect saturates; ``holds_from``, the time constant in
+        with its interval, if the effect saturates, and ``at_contact`` and ``low``, its
+        estimate and lower end at the simultaneous contact; ``holds_from``, the time constant in
         ms from which on a verdict of no difference holds at the simultaneous contact,
         and ``contact_spread``, the spread of the contacts with what it is;
         ``like_jump``, which smooth maps look like the jump that is named;
@@ -330,6 +334,8 @@ def verdict_facts(
         "power": None,
         "margin": None,
         "over_landings": None,
+        "at_contact": None,
+        "low": None,
         "holds_from": None,
         "contact_spread": None,
         "like_jump": None,
@@ -408,6 +414,8 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
     facts = {}
     if verdict.get("saturates"):
         facts["over_landings"] = _with_interval(verdict["effect_over_landings"])
+        facts["at_contact"] = percent(verdict["effect"]["estimate"])
+        facts["low"] = percent(verdict["effect"]["low"])
     holds_from = verdict.get("holds_from")
     if verdict["conclusion"] == "no difference" and holds_from is not None:
         facts["holds_from"] = _milliseconds(holds_from)
