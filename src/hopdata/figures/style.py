@@ -99,7 +99,7 @@ NUMBERS_WITHIN = 5
 
 
 def numbers_within_a_decade(axis: Axis) -> None:
-    """Number a logarithmic axis that has no two powers of ten, as others are.
+    """Write plain numbers on a logarithmic axis that has no two powers of ten.
 
     Such an axis would have one number, or odd ones at minor ticks.
     """

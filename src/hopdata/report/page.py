@@ -21,6 +21,7 @@ from hopdata.report.inputs import (
     rendered,
 )
 from hopdata.report.language import require_language
+from hopdata.report.losses import lost_for_how_they_came_down
 from hopdata.report.methods import forward_of, methods
 from hopdata.report.scene import landings_scene
 
@@ -359,10 +360,20 @@ def build_report(inputs: ReportInputs) -> str:
         ),
         documentation=what_now.DOCUMENTATION,
         distances_asked=inputs.distances_asked,
-        verdict_notes=[_note(note) for note in verdict.further_notes(known)],
+        verdict_notes=_verdict_notes(inputs),
         config=as_yaml(_configuration(inputs)),
         only_settings=inputs.settings is not None,
     )
+
+
+def _verdict_notes(inputs: ReportInputs) -> list[str | Message]:
+    """Return what limits the answer: the notes of the verdict, and lost landings."""
+    known = inputs.verdict or {}
+    notes = [_note(note) for note in verdict.further_notes(known)]
+    lost = lost_for_how_they_came_down(inputs.touchdowns, known)
+    if lost is not None:
+        notes.append(lost)
+    return notes
 
 
 def _configuration(inputs: ReportInputs) -> Any:

@@ -303,10 +303,10 @@ def verdict_facts(
         bound, if it is below what is allowed for; ``margin``, below which
         a difference counts as none; ``over_landings``, the effect over the landings
         with its interval, if the effect saturates, and ``at_contact`` and ``low``, its
-        estimate and lower end at the simultaneous contact; ``holds_from``, the time constant in
-        ms from which on a verdict of no difference holds at the simultaneous contact,
-        and ``contact_spread``, the spread of the contacts with what it is;
-        ``like_jump``, which smooth maps look like the jump that is named;
+        estimate and lower end at the simultaneous contact; ``holds_from``, the time
+        constant in ms from which on a verdict of no difference holds at the
+        simultaneous contact, and ``contact_spread``, the spread of the contacts with
+        what it is; ``like_jump``, which smooth maps look like the jump that is named;
         ``compared``, what was compared; ``landings``, how many were judged, ``fitted``,
         how many of these were fitted, and ``left_out``, how many are like none of
         these; ``foretold``, the share of their order that is;
