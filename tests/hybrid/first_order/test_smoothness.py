@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, relay, sliding, throw
 
-from hopdata.hybrid import System, field, guards
-from hopdata.hybrid.first_order import check_c1
+from hopdata.hybrid import System, field, guards, on_event, solve
+from hopdata.hybrid.first_order import bouligand_derivative, check_c1
 from hopdata.hybrid.first_order.event_selected import (
     CONTINUOUS,
     EVENT_FUNCTIONS,
@@ -19,7 +19,7 @@ from hopdata.hybrid.first_order.event_selected import (
 )
 from hopdata.hybrid.first_order.finding import Finding
 from hopdata.hybrid.first_order.linearise import instant, lock_combinations
-from hopdata.hybrid.first_order.smoothness import spread
+from hopdata.hybrid.first_order.smoothness import LANDING, spread
 
 
 def test_sliding_and_rigid_bounce_are_not_event_selected():
@@ -221,3 +221,94 @@ def test_columns_are_aligned():
         "yes  short      0.123  <= 1    one",
         "NO   longer     -      x       two",
     ]
+
+
+# A plank that lands on two feet, each of which takes a share of its velocity.
+
+HALF = 0.2
+TAKEN = 0.3
+# Of a mass of 1: either foot is the centre of percussion of the other.
+APART = HALF**2
+
+
+@field
+def plank_field(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], -9.81, 0.0
+    for foot, side in enumerate((-HALF, HALF)):
+        if mode[foot] > 0:
+            force = -400.0 * (y[0] + side * y[1])
+            dy[2] += force
+            dy[3] += side * force / params[0]
+
+
+@guards
+def plank_feet(t, y, dy, mode, params, h, hdot):
+    for foot, side in enumerate((-HALF, HALF)):
+        h[foot] = -y[0] - side * y[1]
+        hdot[foot] = -dy[0] - side * dy[1]
+
+
+@on_event
+def impulse(t, y, mode, params, guard, direction):
+    if direction > 0:
+        side = HALF * (2 * guard - 1)
+        taken = -TAKEN * (y[2] + side * y[3]) / (1.0 + side**2 / params[0])
+        y[2] += taken
+        y[3] += side * taken / params[0]
+    return 0
+
+
+PLANK = System(
+    plank_field, plank_feet, impulse, n_states=4, guard_names=("left", "right")
+)
+TOUCH = np.array([0.0, 0.0, -1.0, 0.3])
+BOTH = {"mode": [-1, -1], "guards": ("left", "right")}
+
+
+def before_contact(state, duration=0.03):
+    """Return where a plank in flight was before, m, rad and their rates."""
+    y = np.array(state)
+    y[:2] -= duration * y[2:]
+    y[0] -= 9.81 * duration**2 / 2.0
+    y[2] += 9.81 * duration
+    return y
+
+
+def landed(state, inertia):
+    """Return the state 20 ms after a touch, of a flight that passes near `state`."""
+    start = before_contact(state)
+    options = {"params": [inertia], "rtol": 1e-12, "atol": 1e-14}
+    return solve(PLANK, (0.0, 0.05), start, **options).y_end
+
+
+@pytest.mark.parametrize(("inertia", "is_one"), [(APART, True), (0.5 * APART, False)])
+def test_a_landing_with_impulses_that_commute_has_one_derivative(inertia, is_one):
+    """The flow jumps at each contact, and yet the landing is smooth at this state."""
+    report = check_c1(PLANK, TOUCH, params=[inertia], **BOTH)
+    assert report.verdict == "not event-selected"
+    assert report.landing_has_one_derivative == report.ends_as_one == is_one
+    assert (LANDING in str(report)) == is_one
+
+    # Landings on both sides of the simultaneous contact, in either order, say the same.
+    roll = np.array([0.3, 1.0, 0.2, 0.5])
+    step = 1e-5
+    at = landed(TOUCH, inertia)
+    left = (landed(TOUCH + step * roll, inertia) - at) / step
+    right = (at - landed(TOUCH - step * roll, inertia)) / step
+    assert (np.abs(left - right).max() < 0.05) == is_one
+    if is_one:
+        flow = bouligand_derivative(PLANK, TOUCH, params=[inertia], **BOTH)
+        orders = flow.pieces()
+        assert len(orders) == 2
+        np.testing.assert_allclose(orders[0].matrix, orders[1].matrix, atol=1e-9)
+
+
+def test_a_flow_without_jumps_needs_no_words_on_the_landing():
+    """Nor has a landing whose products differ one derivative."""
+    smooth = check_c1(ladder(2), [1.0, 0.0], params=(1, 1, 0.5, 0.2), mode=[-1, -1])
+    assert smooth.landing_has_one_derivative
+    assert LANDING not in str(smooth)
+    slide = check_c1(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
+    assert not slide.landing_has_one_derivative
+    bounce = check_c1(ball(), [0.0, -2.0], params=(9.81, 0.0, 0.8), mode=[-1])
+    assert not bounce.landing_has_one_derivative

@@ -23,9 +23,14 @@ from hopdata.arrays import FloatArray
 from hopdata.hybrid.arguments import expect
 from hopdata.hybrid.first_order import linearise as local
 from hopdata.hybrid.first_order.crossings import NoDerivativeError
-from hopdata.hybrid.first_order.event_selected import definitions, event_selection
+from hopdata.hybrid.first_order.event_selected import (
+    CONTINUOUS,
+    definitions,
+    event_selection,
+)
 from hopdata.hybrid.first_order.finding import Finding
 from hopdata.hybrid.first_order.saltation import (
+    SAME_END,
     BouligandDerivative,
     CrossingOrder,
     NotTransversalError,
@@ -102,15 +107,48 @@ ONE_PRODUCT = "all orders have one saltation product"
 NOT_SELECTED = "not event-selected"
 SELECTED = "event-selected, not C1"
 C1 = "C1"
+LANDING = (
+    "the landing, as a map from before to after all contacts, has one derivative at "
+    "this state: all orders have one product and end at one state; of states nearby "
+    "this says nothing"
+)
 
 
-def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Finding:
-    """Return the finding on whether all orders that occur have one product."""
-    scale = flow.scale
+def _orders(flow: BouligandDerivative, seed: int) -> tuple[CrossingOrder, ...] | str:
+    """Return the orders that occur, or why they cannot be followed."""
     try:
-        orders = flow.pieces(seed=seed)
+        return flow.pieces(seed=seed)
     except (NotTransversalError, NoDerivativeError) as error:
-        return Finding(ONE_PRODUCT, False, np.nan, f"<= {tolerance:g}", str(error))
+        return str(error)
+
+
+def end_as_one(flow: BouligandDerivative, orders: Sequence[CrossingOrder]) -> bool:
+    """Return whether all orders end at one state, in one mode, with one memory.
+
+    Otherwise the flow jumps between them, whatever their matrices are.
+    """
+    ends = [flow.node(order.guards).here.instant for order in orders]
+    first = ends[0]
+    for end in ends:
+        off = np.abs(end.y - first.y) / np.maximum(flow.scale, np.abs(first.y))
+        alike = (end.mode == first.mode).all() and (end.params == first.params).all()
+        if not alike or (off > SAME_END).any():
+            return False
+    return True
+
+
+def one_product(
+    flow: BouligandDerivative,
+    orders: tuple[CrossingOrder, ...] | str,
+    tolerance: float,
+) -> Finding:
+    """Return the finding on whether all orders that occur have one product.
+
+    `orders` may be the reason why they cannot be followed.
+    """
+    scale = flow.scale
+    if isinstance(orders, str):
+        return Finding(ONE_PRODUCT, False, np.nan, f"<= {tolerance:g}", orders)
     matrices = [order.matrix * scale / scale[:, None] for order in orders]
     detail = (
         f"largest distance of two of {len(orders)} products, over that of one from 1"
@@ -156,6 +194,8 @@ class SmoothnessReport:
         Whether all orders of crossing that occur have one saltation product; the value
         is the largest distance between two of them over the largest distance of one
         from 1.
+    ends_as_one : bool
+        Whether all these orders end at one state, in one mode.
     """
 
     guards: tuple[str, ...]
@@ -163,6 +203,7 @@ class SmoothnessReport:
     ess: tuple[Finding, ...]
     fopas: tuple[Finding, ...]
     products: Finding
+    ends_as_one: bool
 
     @property
     def selection(self) -> tuple[Finding, ...]:
@@ -180,6 +221,18 @@ class SmoothnessReport:
         if not all(finding.passed for finding in self.selection):
             return NOT_SELECTED
         return C1 if self.products.passed else SELECTED
+
+    @property
+    def landing_has_one_derivative(self) -> bool:
+        """Whether the map from before to after all contacts has one, at this state.
+
+        It is the product, if every line but that on jumps of the state holds, and all
+        orders end at one state. At an instant between the contacts the flow jumps all
+        the same. It says nothing of states nearby: where orders end apart at these, the
+        map jumps there, by little.
+        """
+        failed = [one.condition for one in self.selection if not one.passed]
+        return set(failed) <= {CONTINUOUS} and self.products.passed and self.ends_as_one
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -218,7 +271,10 @@ class SmoothnessReport:
             "not necessary, if"
         )
         lines += [_not_required(row) for row in rows]
-        return "\n".join([*lines, self.of_second_column])
+        lines.append(self.of_second_column)
+        if self.verdict == NOT_SELECTED and self.landing_has_one_derivative:
+            lines.append(LANDING)
+        return "\n".join(lines)
 
 
 def _not_required(row: str) -> str:
@@ -308,6 +364,7 @@ def check_c1(  # noqa: PLR0913 (each parameter is an option of the user's)
     ess = event_selection(system, start, active, sizes, seed, tolerance)
     form = second_order_form(system, start, active, sizes, seed, tolerance, positions)
     flow = BouligandDerivative(system, start, active, sizes)
+    orders = _orders(flow, seed)
     n_missing = sum(not finding.passed for finding in (*defined, *ess))
     selected = Finding.at_most(
         IS_SELECTED, n_missing, 0.0, "conditions above that do not hold"
@@ -317,5 +374,6 @@ def check_c1(  # noqa: PLR0913 (each parameter is an option of the user's)
         definitions=defined,
         ess=ess,
         fopas=(selected, *form),
-        products=one_product(flow, seed, tolerance),
+        products=one_product(flow, orders, tolerance),
+        ends_as_one=not isinstance(orders, str) and end_as_one(flow, orders),
     )
