@@ -18,14 +18,14 @@ from hopdata.messages import Message
 from hopdata.report import formatting as show
 from hopdata.report.tables import excluded
 
-# Reasons that say how a landing came down; the first ones name a foot by its number.
-OF_A_FOOT = (
-    "landings.foot_up",
-    "landings.foot_down_before",
-    "landings.foot_rises",
-    "landings.foot_glides",
+# Reasons that say how a landing came down, in the words of the table, which are English
+# in every language of the page. The first ones name a foot by its number.
+NUMBER = "{foot}"
+OF_A_FOOT = tuple(
+    Message(f"landings.{name}", {"foot": NUMBER}).text()
+    for name in ("foot_up", "foot_down_before", "foot_rises", "foot_glides")
 )
-OF_THE_BODY = ("landings.post_never_reached",)
+POST_NEVER_REACHED = Message("landings.post_never_reached").text()
 
 #: Share of the landings that is lost for how they came down, from which the page says
 #: so.
@@ -75,10 +75,9 @@ def lost_for_how_they_came_down(
 
 def _reasons(touchdowns: pd.DataFrame) -> set[str]:
     """Return how a table of touchdowns of these feet puts the reasons in words."""
-    numbers = range(1, len(foot_names(touchdowns.columns)) + 1)
-    words = [Message(code).text() for code in OF_THE_BODY]
-    for code in OF_A_FOOT:
-        words += [Message(code, {"foot": number}).text() for number in numbers]
+    words = [POST_NEVER_REACHED]
+    for number in range(1, len(foot_names(touchdowns.columns)) + 1):
+        words += [reason.replace(NUMBER, str(number)) for reason in OF_A_FOOT]
     return {*words, *(with_names(one, touchdowns) for one in words)}
 
 
