@@ -202,7 +202,22 @@ def test_a_condition_of_few_subjects_has_no_size():
     assert (coupled["subjects"], c1["subjects"]) == (3, 2)
     assert coupled["effect"] is not None
     assert c1["effect"] is None
-    assert "3 subjects with an answer or more, found 2" in c1["sentence"]
+    assert c1["conclusion"] == "cannot tell"
+    assert "expected" not in c1["sentence"]
+    assert "answer of their own: 2 (" in c1["sentence"]
+
+
+def test_two_subjects_are_told_their_own_answers_and_three_are_judged():
+    rows = [row(name, 0.01 * k) for k, name in enumerate("abc", 1)]
+    of_two = put_together(rows[:2], GROUP)
+    assert of_two["conclusion"] == "cannot tell"
+    assert of_two["effect"] is None
+    assert "expected" not in of_two["sentence"]
+    answers = "; ".join(f"{one['subject']}: {one['conclusion']}" for one in rows[:2])
+    assert f"their own: 2 ({answers}). No answer over subjects" in of_two["sentence"]
+    of_three = put_together(rows, GROUP)
+    assert of_three["effect"] is not None
+    assert "No answer over subjects" not in of_three["sentence"]
 
 
 def _marks(figure, mark):
@@ -279,7 +294,7 @@ def landed(n_feet=2, unsure=1):
     table.loc[3, "contact_left_s"] = np.nan
     table["order_class"] = table["schedule"]
     table.loc[: unsure - 1, "order_class"] = "ambiguous"
-    return table.assign(excluded=[True, False, False, True])
+    return table.assign(excluded=[True, False, False, True], reason="")
 
 
 def test_contacts_of_a_study_are_told_whatever_its_answer():
@@ -296,6 +311,17 @@ def test_contacts_of_a_study_are_told_whatever_its_answer():
     assert none["timed"] == 0
     assert none["feet"][0]["se_s"] is None
     assert none["orders"] == []
+
+
+def test_timed_landings_are_counted_of_those_that_the_page_of_the_study_counts():
+    """A landing without any timed foot is one; a descent in which none lands is not."""
+    table = landed()
+    feet = ["contact_left_s", "contact_right_s"]
+    table.loc[3, feet] = np.nan
+    untimed = contacts_of(table)
+    assert (untimed["landings"], untimed["timed"]) == (4, 3)
+    table.loc[3, "reason"] = "no foot of the study landed"
+    assert contacts_of(table)["landings"] == 3
 
 
 def test_landings_that_a_study_left_out_are_counted_and_other_descents_are_not():
@@ -391,7 +417,7 @@ def test_a_group_runs_to_its_page(tmp_path):
     assert group.members["kind"].tolist()[0] == "hopper"
     assert group.verdict is None
     assert group.sentence in repr(group)
-    assert "found 1" in group.sentence
+    assert "answer of their own: 1 (anna: " in group.sentence
     assert "3 studies" in group.methods().text
     assert group.plot().axes
     with pytest.raises(hd.HopdataError, match=r"ben: expected a member .*gone\.h5"):

@@ -113,18 +113,20 @@ def contacts_of(touchdowns: pd.DataFrame) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``landings``, those in which a foot of the study lands; ``timed``, those of them
-        whose contacts are all known, also if the maps do not use them; ``feet``, a list
+        ``landings``, those in which a foot of the study lands, also if none could be
+        timed, as the page of the study counts them; ``timed``, those of them whose
+        contacts are all known, also if the maps do not use them; ``feet``, a list
         of ``foot``, ``se_s`` (median standard error, s) and ``common_s`` (error that
         all contacts of the foot may share, s), None if not known; ``orders``, a list of
         ``order``, ``seen`` and ``sure`` (landings), the most frequent first.
     """
     from hopdata.feet import foot_names, with_foot_names
+    from hopdata.report.tables import NO_FOOT_LANDED
 
     names = foot_names(touchdowns.columns)
     instants = touchdowns[[f"contact_{name}_s" for name in names]]
     timed = touchdowns[instants.notna().all(axis=1)]
-    landed = instants.notna().any(axis=1)
+    landed = touchdowns["reason"] != NO_FOOT_LANDED
     feet = []
     for name in names:
         error_s = timed[f"se_{name}_s"].median() if f"se_{name}_s" in timed else None
@@ -180,7 +182,7 @@ def put_together(
         and ``effect``), ``conditions`` (rows of `compare_conditions`), ``members`` and
         the ``version`` of hopdata.
     """
-    from hopdata.maps.verdict.group import judge_group
+    from hopdata.maps.verdict.group import LEAST_SUBJECTS, judge_group
 
     answered = pd.DataFrame([row for row in rows if not row["reason"]])
     answer: dict[str, Any] = {"by_condition": [], "conditions": []}
@@ -188,6 +190,10 @@ def put_together(
         _require_answers(rows, answered)
         if len({row["condition"] for row in rows}) > 1:
             answer |= _of_conditions(rows, answered, group["verdict"])
+        elif len(answered) < LEAST_SUBJECTS:
+            beside = _beside(rows, group["verdict"]["confidence"])
+            sentence = " ".join([_few_said(answered), *beside])
+            answer |= {"conclusion": CANNOT_TELL, "sentence": sentence, "effect": None}
         else:
             effect = judge_group(answered, **group["verdict"])
             beside = _beside(rows, group["verdict"]["confidence"])
@@ -252,10 +258,17 @@ def _of_one(
     condition: str, answered: pd.DataFrame, options: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return the answer of one condition."""
-    from hopdata.maps.verdict.group import judge_group
+    from hopdata.maps.verdict.group import LEAST_SUBJECTS, judge_group
 
     members = answered[answered["condition"] == condition]
     found: dict[str, Any] = {"condition": condition, "subjects": len(members)}
+    if len(members) < LEAST_SUBJECTS:
+        return {
+            **found,
+            "conclusion": CANNOT_TELL,
+            "sentence": _few_said(members),
+            "effect": None,
+        }
     try:
         effect = judge_group(members, **options)
     except AnalysisError as error:
@@ -272,6 +285,19 @@ def _of_one(
         "sentence": effect.sentence,
         "effect": asdict(effect),
     }
+
+
+def _few_said(members: pd.DataFrame) -> str:
+    """Return the answers of the subjects, who are too few for one over subjects."""
+    from hopdata.maps.verdict.group import LEAST_SUBJECTS
+
+    values = {"number": len(members), "least": LEAST_SUBJECTS}
+    if members.empty:
+        return str(Message("maps.group_of_none", values))
+    answers = [
+        f"{row.subject}: {row.conclusion}" for row in members.itertuples(index=False)
+    ]
+    return str(Message("maps.group_of_few", {**values, "answers": "; ".join(answers)}))
 
 
 def _conclusion_of(conclusions: Sequence[str]) -> str:
