@@ -90,9 +90,15 @@ def gross_errors(sound: rows.Sound) -> Notes:
             landings=count + len(sound.landings.kept),
             judged=len(sound.landings.kept),
             why=", ".join(why),
+            which=Message("maps.far_off_in_rows"),
             rows=sound.left_out,
         )
     ]
+
+
+def far_off_kept() -> Notes:
+    """Return a note that landings were kept however far off they are."""
+    return [_note("far_off_kept")]
 
 
 def what_limits(reading: Reading, *, jumps: bool) -> Notes:
