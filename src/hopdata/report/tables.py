@@ -270,6 +270,15 @@ def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
     return out.assign(reason=[with_names(one, touchdowns) for one in reasons])
 
 
+# What is said of landings that the verdict left out, by the reason in its file.
+FAR_OFF = {
+    "markers_apart": "report.far_off_markers_apart",
+    "state_far_off": "report.far_off_state",
+    "contacts_far_off": "report.far_off_contacts",
+    "outcome_far_off": "report.far_off_outcome",
+}
+
+
 def _with_far_off(
     unused: pd.DataFrame,
     touchdowns: pd.DataFrame,
@@ -280,7 +289,7 @@ def _with_far_off(
         return unused
     reasons = {}
     for one in far_off:
-        why = Message(f"maps.far_off_{one['reason']}")
+        why = Message(FAR_OFF[one["reason"]])
         said = str(Message("report.far_off", {"why": why}))
         reasons[str(one["recording"]), int(one["touchdown"])] = said
     names = [
