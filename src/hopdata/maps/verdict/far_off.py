@@ -45,7 +45,7 @@ def with_names(
     """
     if not found.gross_errors:
         return found
-    named = []
+    named: list[dict[str, Any]] = []
     for reason, rows in found.gross_errors.items():
         for row in rows:
             landing = row - 1

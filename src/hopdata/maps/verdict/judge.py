@@ -413,9 +413,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(reading, jumps=jumps)
     limited += limits.bends_like_jumps(sizes)
-    limited += limits.pooled(measured)
-    if keep_far_off:
-        limited += limits.far_off_kept()
+    limited += limits.pooled(measured) + limits.far_off_kept(keep=keep_far_off)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = reading.growth()
