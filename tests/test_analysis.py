@@ -855,6 +855,70 @@ def test_positions_have_named_axes_where_xarray_is_installed(sample_path):
         assert array.attrs["units"] == "m"
 
 
+@pytest.fixture(scope="module")
+def spoiled(sample_path):
+    """Return a recording in which a marker of one landing is 10 mm off, after contact."""
+    recording = read_recording(sample_path).part(slice(12_000))
+    off_s = recording.time - SPOILED_S
+    at = (off_s > 0.12) & (off_s < 0.16)
+    positions = recording.positions.copy()
+    positions[at, recording.markers.index("body1"), 0] += 0.01
+    return replace(recording, positions=positions)
+
+
+#: Instant at the pre section of a landing of the sample, s.
+SPOILED_S = 38.178
+
+#: Fewer draws than usual: the answer does not matter.
+FEW_FLIPS = {"flips": 99}
+
+
+def excluding(recording, touchdowns):
+    """Return the study of a recording without some landings."""
+    exclude = [{"landings": touchdowns, "reason": "tried"}]
+    entry = {"name": "hopper", "exclude": exclude}
+    return hd.study(recording, recordings=[entry], verdict=FEW_FLIPS)
+
+
+def test_a_landing_that_is_far_off_is_named_as_exclude_takes_it(spoiled, tmp_path):
+    """Its row among the pairs was printed, which is another landing's number."""
+    study = excluding(spoiled, [5, 9, 20])
+    (far_off,) = study.verdict.far_off
+    assert study.verdict.gross_errors == {"markers_apart": [far_off["row"]]}
+    assert far_off["touchdown"] == far_off["row"] + 3
+    assert far_off["t_pre_s"] == pytest.approx(SPOILED_S, abs=0.001)
+
+    number = far_off["touchdown"]
+    (note,) = [one for one in study.verdict.notes if one["code"] == "maps.gross_errors"]
+    assert f"hopper, touchdown {number} (at 38.18 s)" in note["reason"]
+    page = study.report(tmp_path / "page.html").read_text().replace("\u00a0", " ")
+    assert note["reason"] in page
+    of_page = page[page.index("Every landing that is not used") :]
+    row = re.search("<tr>(?:(?!</tr>).)*far off.*?</tr>", of_page, re.DOTALL)[0]
+    assert "left out of the verdict as far off: body markers" in row
+    assert re.findall(r"<td[^>]*>([\d.]+)</td>", row) == [str(number), "38.18"]
+
+    # The number that is printed leaves out that very landing, and no other.
+    again = excluding(spoiled, [5, 9, 20, number])
+    assert not again.verdict.far_off
+    assert not again.verdict.gross_errors
+    names = set(study.pairs.touchdown) - set(again.pairs.touchdown)
+    assert names == {number}
+
+
+def test_landings_that_are_far_off_are_kept_where_that_is_asked_for(spoiled):
+    keys = {"flips": 99, "keep_far_off": True}
+    study = hd.study(spoiled, verdict=keys)
+    without = hd.study(spoiled, verdict=FEW_FLIPS)
+    assert study.verdict.n_landings == without.verdict.n_landings + 1
+    assert not study.verdict.far_off
+    codes = [note["code"] for note in study.verdict.notes]
+    assert "maps.far_off_kept" in codes
+    assert "maps.gross_errors" not in codes
+    codes = [note["code"] for note in without.verdict.notes]
+    assert "maps.far_off_kept" not in codes
+
+
 def test_the_page_of_a_study_holds_its_landings(study, tmp_path):
     page = study[0].report(tmp_path / "page.html").read_text()
     # A number and its unit stay together.

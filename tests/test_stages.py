@@ -112,11 +112,13 @@ def test_the_verdict_is_given_feet_session_time_and_blocks(monkeypatch):
 
     def noting(*_, **named):
         given.update(named)
-        return SimpleNamespace(orders=[])
+        return SimpleNamespace(orders=[], gross_errors={})
 
     monkeypatch.setattr("hopdata.maps.verdict.judge", noting)
     monkeypatch.setattr("hopdata.landings.checks.blurred", lambda _: "")
-    touchdowns = pd.DataFrame(columns=["contact_heel_s", "contact_toe_s"])
+    touchdowns = pd.DataFrame(
+        columns=["recording", "touchdown", "t_pre_s", "contact_heel_s", "contact_toe_s"]
+    )
     blocks = {"a": "mat", "b": "sand", "c": "mat"}
     verdict(pairs, touchdowns, options={}, blocks=blocks, seed=1)
     for name, field in (("feet", "feet"), ("feet_se", "feet_se"), ("time", "time_s")):

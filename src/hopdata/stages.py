@@ -451,7 +451,7 @@ def verdict(
     """Judge whether the map is C1: effect size, interval and bound."""
     from hopdata.feet import foot_names
     from hopdata.landings.checks import blurred
-    from hopdata.maps.verdict import judge
+    from hopdata.maps.verdict import far_off, judge
     from hopdata.maps.verdict.orders import orders_table
 
     instants: Any = pairs.instants  # measured pairs have them
@@ -469,6 +469,10 @@ def verdict(
         seed=seed,
         **options,
     )
+    by_name = touchdowns.set_index(["recording", "touchdown"])
+    names = [*zip(pairs.recording, pairs.touchdown, strict=True)]
+    t_pre_s = by_name["t_pre_s"].reindex(names).to_numpy(float)
+    found = far_off.with_names(found, pairs.recording, pairs.touchdown, t_pre_s)
     return Judgement(found, orders_table(found.orders))
 
 

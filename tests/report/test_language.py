@@ -22,7 +22,8 @@ SENTENCE = Message(
     {"compared": "6 orders", "bound": "12 %", "where": "", "confidence": "95 %"},
 )
 NOTE = Message(
-    "maps.gross_errors", {"count": 3, "landings": 9, "judged": 6, "why": "3 odd"}
+    "maps.gross_errors",
+    {"count": 3, "landings": 9, "judged": 6, "why": "3 odd", "which": "Rows: 1, 2, 3"},
 )
 
 

@@ -601,7 +601,11 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "quality": tables.quality_table(inputs.quality),
         "faults": tables.faults_table(inputs.faults),
         "remarks": tables.remarks_table(inputs.remarks),
-        "excluded": tables.excluded_table(inputs.touchdowns, inputs.levelled),
+        "excluded": tables.excluded_table(
+            inputs.touchdowns,
+            inputs.levelled,
+            (inputs.verdict or {}).get("far_off") or (),
+        ),
         "recordings": tables.recordings_table(inputs.recordings, inputs.provenance),
         "filled": tables.filled_table(inputs.filled, inputs.touchdowns),
         "floor": tables.floor_table(inputs.floors),

@@ -270,6 +270,39 @@ def _left_out(touchdowns: pd.DataFrame) -> pd.DataFrame:
     return out.assign(reason=[with_names(one, touchdowns) for one in reasons])
 
 
+# What is said of landings that the verdict left out, by the reason in its file.
+FAR_OFF = {
+    "markers_apart": "report.far_off_markers_apart",
+    "state_far_off": "report.far_off_state",
+    "contacts_far_off": "report.far_off_contacts",
+    "outcome_far_off": "report.far_off_outcome",
+}
+
+
+def _with_far_off(
+    unused: pd.DataFrame,
+    touchdowns: pd.DataFrame,
+    far_off: Sequence[Mapping[str, Any]],
+) -> pd.DataFrame:
+    """Return landings that are not used after those that are used, but not judged."""
+    if not far_off:
+        return unused
+    reasons = {}
+    for one in far_off:
+        why = Message(FAR_OFF[one["reason"]])
+        said = str(Message("report.far_off", {"why": why}))
+        reasons[str(one["recording"]), int(one["touchdown"])] = said
+    names = [
+        (str(recording), int(number))
+        for recording, number in zip(
+            touchdowns["recording"], touchdowns["touchdown"], strict=True
+        )
+    ]
+    named = touchdowns[[name in reasons for name in names]]
+    told = [reasons[name] for name in names if name in reasons]
+    return pd.concat([named.assign(reason=told), unused])
+
+
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
     """Return whether each touchdown was excluded; booleans may have become text."""
     return touchdowns["excluded"].astype(str).str.lower().isin(("true", "1", "1.0"))
@@ -611,11 +644,14 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
 
 
 def excluded_table(
-    touchdowns: pd.DataFrame | None, levelled: Sequence[Recording] = ()
+    touchdowns: pd.DataFrame | None,
+    levelled: Sequence[Recording] = (),
+    far_off: Sequence[Mapping[str, Any]] = (),
 ) -> show.Table | None:
     """Return one row per landing not used, with its reason and its feet's heights.
 
-    Descents in which no foot of the study landed are counted alone.
+    Descents in which no foot of the study landed are counted alone. Landings that only
+    the verdict left out (`far_off` of ``verdict.json``) come first.
     """
     from markupsafe import Markup
 
@@ -626,7 +662,7 @@ def excluded_table(
         every = _left_out(touchdowns)
         landed = every["reason"] != NO_FOOT_LANDED
         n_others = int((~landed).sum())
-        out = every[landed]
+        out = _with_far_off(every[landed], touchdowns, far_off)
     columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),

@@ -31,6 +31,7 @@ MORE_OF_ALL_USED = "report.advice_landings_all_used"
 
 # The advice on a limit by its cause.
 OF_CAUSE = {
+    "estimate": "report.advice_estimate",
     "landings": MORE_LANDINGS,
     "noise": "report.advice_noise",
     "posture": "report.advice_posture",
@@ -45,6 +46,7 @@ OF_CAUSE = {
 OF_CODE = {
     "maps.limit_landings_no": "report.advice_landings_no",
     "maps.limit_spread": "report.advice_far_apart",
+    "maps.limit_spread_few": MORE_LANDINGS,
     ONE_ORDER: "report.advice_one_order",
 }
 
@@ -52,6 +54,7 @@ OF_CODE = {
 LIMITS = {
     "report.advice_landings": "report.limit_landings",
     "report.advice_landings_no": "report.limit_landings_no",
+    "report.advice_estimate": "report.limit_estimate",
     "report.advice_spread": "report.limit_spread",
     "report.advice_noise": "report.limit_noise",
     "report.advice_posture": "report.limit_posture",

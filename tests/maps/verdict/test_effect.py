@@ -9,12 +9,14 @@ import pytest
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.effect import (
     SHOWN_SCATTER,
+    EffectSize,
     contrasts,
     effect_size,
     landings_needed,
     relative_size,
 )
 from hopdata.maps.verdict.model import HIDDEN, LEFT, OF_FOURTH, KinkFit, upper_ends
+from hopdata.maps.verdict.signs import crossing
 
 KINKS, OUTPUTS, LANDINGS = 2, 4, 150
 WEIGHTS = 0.02 * np.linspace(0.5, 2.0, KINKS * OUTPUTS)  # unequal errors of the kinks
@@ -180,3 +182,44 @@ def test_without_any_order_nothing_is_compared():
     differences, mean = contrasts(np.empty((0, 3), int), np.empty(0, int))
     assert differences.shape == (0, 0)
     assert mean.shape == (0,)
+
+
+def test_a_bound_falls_to_the_margin_where_the_estimate_leaves_room():
+    """As many landings as are named bring it there, if the estimate stays."""
+    size = of_two_feet(estimate=0.12, upper_bound=0.22)
+    needed = size.landings_for_bound(576, 0.2, 2)
+    assert 1_200 < needed < 3_000
+    # 45 terms, one kink and one step take 1/0.85 landings each.
+    free = (needed - 47 / 0.85) / (576 - 47 / 0.85)
+    seen = crossing(lambda e: 0.22 - upper_ends([e], 0.105)[0])
+    shrunk = 0.12 + (seen - 0.12) / np.sqrt(free)
+    (bound,) = upper_ends([shrunk], 0.105)
+    assert bound == pytest.approx(0.2, abs=1e-4)
+
+    # The study's own bound takes as many landings as it has, and a lower one more.
+    assert size.landings_for_bound(576, 0.22, 2) == pytest.approx(576, abs=1)
+    assert size.landings_for_bound(576, 0.19, 2) > needed
+    # No bound is below what smooth terms may hide of the estimate alone.
+    assert size.landings_for_bound(576, 0.17, 2) is None
+    unbounded = replace(size, high=np.inf, upper_bound=np.inf)
+    assert unbounded.landings_for_bound(576, 0.2, 2) is None
+
+
+def of_two_feet(**values):
+    """Return a size of landings of two feet."""
+    known = {
+        "estimate": 0.12,
+        "low": 0.0,
+        "high": 0.23,
+        "upper_bound": 0.22,
+        "detectable": 0.18,
+        "p_value": 0.2,
+        "squared": 0.0146,
+        "squared_error": 0.0011,
+        "along_error": 0.022,
+        "allowed": 0.105,
+        "left": 0.105,
+        "detectable_nearest": 0.18,
+        "allowed_nearest": 0.105,
+    }
+    return EffectSize(**known | values)

@@ -98,6 +98,29 @@ def test_a_larger_study_is_planned_by_the_nearest_landings():
     assert _size(_study(11, needed // 4, noise=1.0), 2).detectable > 0.2
 
 
+@pytest.mark.parametrize(
+    ("n", "along", "few", "far"),
+    [
+        (300, 0.0, True, False),
+        (4000, 0.0, False, False),
+        (4000, 0.2, False, True),
+        (300, 1.0, False, True),
+    ],
+)
+def test_few_landings_are_told_from_contacts_far_apart(n, along, few, far):
+    """A linear map was told to have its contacts far apart, for want of landings."""
+    rng = np.random.default_rng(3)
+    x = rng.standard_normal((n, 8))
+    instants = x[:, :2] @ np.array([np.cos(ANGLES), np.sin(ANGLES)])
+    y = x @ rng.standard_normal((8, 11))
+    y += along * x[:, :1] ** 3 * rng.standard_normal(11)
+    y += 1.0 * rng.standard_normal((n, 11))
+    landings = in_section(instants, y, x)
+    fit = fit_of_best_window(landings, compared(landings))
+    assert fit.wants_landings(landings.bent) is few
+    assert fit.leaves_more(landings.bent) is (few or far)
+
+
 def test_more_is_left_where_contacts_lie_farther_apart():
     """The spread of normal tilts is 1.23 times that of their nearest 85 %."""
     instants = _study(2, 4000).expected

@@ -44,8 +44,8 @@ class Measured:
         both = np.hstack([self.before, self.after, self.instants])
         return np.asarray(np.isfinite(both).all(axis=1))
 
-    def sound_landings(self) -> rows.Sound:
-        """Return the known landings without gross errors.
+    def sound_landings(self, *, keep_far_off: bool = False) -> rows.Sound:
+        """Return the known landings without gross errors, or all if these are kept.
 
         Raises
         ------
@@ -53,6 +53,8 @@ class Measured:
             If these do not suffice.
         """
         known = np.flatnonzero(self.known())
+        if keep_far_off:
+            return rows.Sound(self.landings(known), {})
         try:
             found = rows.sound_landings(
                 self.before[known],

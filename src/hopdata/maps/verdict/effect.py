@@ -177,6 +177,33 @@ class EffectSize(Shown):
             allowed_nearest=self.allowed_nearest,
         )
 
+    def landings_for_bound(
+        self, landings: int, difference: float, feet: int
+    ) -> int | None:
+        """Return the number of landings whose bound is `difference`, by this estimate.
+
+        The estimate is taken to stay as it is, as one does that smooth terms leave.
+        What noise adds to it in the bound falls with the root of the number of
+        landings, as in `landings_needed`. None if no number suffices.
+
+        Parameters
+        ----------
+        landings, feet
+            Number of landings that this size is of, and number of feet.
+        difference
+            The bound to reach.
+        """
+        if not self.is_bounded:
+            return None
+        wanted = _size_of_end(difference, self.allowed)
+        beyond = _size_of_end(self.upper_bound, self.allowed) - self.estimate
+        if wanted <= self.estimate:
+            return None
+        for_terms = inputs.landings_for_terms(feet)
+        free = max(0.0, landings - for_terms)
+        share = max(0.0, beyond) / (wanted - self.estimate)
+        return int(np.ceil(for_terms + free * share**2))
+
     def sizes(self) -> tuple[float, float, float, float]:
         """Return estimate, low, high and upper bound."""
         return self.estimate, self.low, self.high, self.upper_bound
@@ -355,6 +382,16 @@ def _detectable(
         return float(np.mean(statistics <= thresholds)) - (1.0 - power)
 
     return crossing(missed)
+
+
+def _size_of_end(end: float, allowed: float) -> float:
+    """Return the size of which `upper_ends` makes this upper end; zero if none does."""
+
+    def below(size: float) -> float:
+        (reached,) = model.upper_ends([size], allowed)
+        return end - reached
+
+    return crossing(below)
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,9 @@ EARLIER_NAMES = {
     "untold": "unknown_because",
 }
 
+# Values that verdicts of earlier versions lack -> what they then are.
+ADDED = {"far_off": ()}
+
 # Values of a verdict that are sizes.
 SIZES = ("effect", "effect_over_landings", "jump")
 
@@ -151,8 +154,13 @@ class Verdict(Shown):
         of the surest is not tested against other pairs: see
         `hopdata.maps.verdict.orders.mainly`.
     gross_errors
-        Rows, from 1, of the landings that were left out as far off, by reason: see
+        Rows, from 1, of `x` and `y` that were left out as far off, by reason: see
         `hopdata.maps.verdict.rows`.
+    far_off
+        The same landings as a study names them, each with its ``recording``, its
+        ``touchdown`` there (from 1, as ``recordings[].exclude`` takes it), its instant
+        ``t_pre_s`` on the recording's clock, its ``reason`` and its ``row``. Empty if
+        `judge` was called on arrays.
     preliminary
         Where no size could be computed: ``orders``, each contact order that occurs with
         its number of ``landings``; ``least_landings``, of which a verdict is made; and
@@ -201,6 +209,7 @@ class Verdict(Shown):
     posture: str = ""
     session: Sequence[str] = ()
     gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
+    far_off: Sequence[Mapping[str, Any]] = ()
     preliminary: Mapping[str, Any] = field(default_factory=dict)
     notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
     what_now: Sequence[Mapping[str, Any]] = field(default_factory=list)
@@ -244,6 +253,7 @@ class Verdict(Shown):
             if values[name] is not None:
                 values[name] = EffectSize.from_dict(values[name])
         values["session"] = tuple(values["session"])
+        values["far_off"] = tuple(values["far_off"])
         values["messages"] = {
             name: Message.from_dict(one) for name, one in values["messages"].items()
         }
@@ -274,6 +284,7 @@ class Verdict(Shown):
 def _with_names_of_this_version(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the content of a ``verdict.json``, by the names of this version."""
     values = {EARLIER_NAMES.get(name, name): value for name, value in content.items()}
+    values = {**ADDED, **values}
     for name in {"preliminary", "messages"} & {*values}:
         inner = values[name]
         values[name] = {EARLIER_NAMES.get(key, key): inner[key] for key in inner}
@@ -297,6 +308,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     confidence: float = 0.95,
     power: float = 0.8,
     flips: int = 1999,
+    keep_far_off: bool = False,
     blurred: str = "",
     foot_names: Sequence[str] = (),
 ) -> Verdict:
@@ -339,6 +351,10 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
         of the test is 1 - confidence.
     flips
         Number of random sign patterns.
+    keep_far_off
+        Whether landings that are far off all others are kept, to see how much hangs on
+        them. What counts is the answer without them, since mistakes, such as swapped
+        markers, count in the other.
     blurred
         Why the states cannot be trusted, if so; the answer is then ``"cannot tell"``.
         States from positions that a low-pass filter has smoothed must be declared here
@@ -366,7 +382,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     try:
         if blurred:
             raise AnalysisError(blurred)
-        sound = measured.sound_landings()
+        sound = measured.sound_landings(keep_far_off=keep_far_off)
         landings = sound.landings
         comparison = compared(landings, foot_names)
         reading = read(
@@ -397,7 +413,7 @@ def judge(  # noqa: PLR0913 - the data, and the method's options
     jumps = answer.decided_by == "jump"
     limited = limits.what_limits(reading, jumps=jumps)
     limited += limits.bends_like_jumps(sizes)
-    limited += limits.pooled(measured)
+    limited += limits.pooled(measured) + limits.far_off_kept(keep=keep_far_off)
     half_shown = None
     if answer.conclusion == DIFFERENT and not jumps:
         growth = reading.growth()

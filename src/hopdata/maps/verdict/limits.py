@@ -9,7 +9,7 @@ from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.data import Measured
 from hopdata.maps.verdict.growth import Growth
-from hopdata.maps.verdict.model import BY_CHANCE, LEFT
+from hopdata.maps.verdict.model import BY_CHANCE, KinkFit
 from hopdata.maps.verdict.orders import OF_ORDER, PairEffect
 from hopdata.maps.verdict.pooled import of_more_bodies
 from hopdata.maps.verdict.readings import Reading
@@ -43,11 +43,6 @@ GROWS = 0.2
 #: Slope of a map whose curvature jumps, and not its derivative.
 #: Unit: 1. Origin: derived: a square has a derivative in proportion to the time.
 CURVATURE = 1.0
-
-#: Sizes of which one is larger by less than this share count as equal: relative error
-#: of a product of two numbers, with room.
-#: Unit: 1. Origin: rounding.
-ROUNDING = 1e-9
 
 # Change over the session -> its code.
 SESSION_CODES = {
@@ -90,9 +85,17 @@ def gross_errors(sound: rows.Sound) -> Notes:
             landings=count + len(sound.landings.kept),
             judged=len(sound.landings.kept),
             why=", ".join(why),
+            which=Message("maps.far_off_in_rows"),
             rows=sound.left_out,
         )
     ]
+
+
+def far_off_kept(*, keep: bool) -> Notes:
+    """Return a note that landings were kept however far off they are, if they were."""
+    if not keep:
+        return []
+    return [_note("far_off_kept")]
 
 
 def what_limits(reading: Reading, *, jumps: bool) -> Notes:
@@ -110,9 +113,8 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
     if inputs.feet_as_one(landings):
         notes.append(_note("feet_as_one"))
     allowed = percent(reading.sizes.effect.allowed)
-    without_bend = fit.allowed / fit.faded - landings.bent
-    if without_bend > LEFT * (1.0 + ROUNDING) and not jumps:
-        notes.append(_note("contacts_far_apart", allowed=allowed))
+    if fit.leaves_more(landings.bent) and not jumps:
+        notes.append(_of_third(fit, landings.bent, allowed))
     notes += curved(fit.curvature())
     if fit.faded > FAINT:
         notes.append(_note("faint", share=share, allowed=allowed))
@@ -133,6 +135,13 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
         change = [str(Message(SESSION_CODES[name])) for name in fit.session]
         notes.append(_note("session", change=" and ".join(change)))
     return notes
+
+
+def _of_third(fit: KinkFit, bent: float, allowed: str) -> dict[str, Any]:
+    """Return the note on what third orders leave, with why they leave so much."""
+    if fit.wants_landings(bent):
+        return _note("few_for_third", allowed=allowed)
+    return _note("contacts_far_apart", allowed=allowed)
 
 
 def curved(curvature: Curvature | None) -> Notes:

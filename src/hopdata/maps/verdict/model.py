@@ -60,6 +60,14 @@ LEFT = 0.1
 #: other shapes (docs/decisions.md, "The verdict looks for kinks").
 OF_FOURTH = 4.0
 
+#: Sizes of which one is larger by less than this share count as equal: relative error
+#: of a product of two numbers, with room.
+#: Unit: 1. Origin: rounding.
+ROUNDING = 1e-9
+
+# From here on more is left than `LEFT`, rounding aside.
+_MORE_THAN_LEFT = LEFT * (1.0 + ROUNDING)
+
 #: Power of the contacts' spread with which the part that smooth terms leave grows from
 #: one window to a wider one.
 #: Unit: 1. Origin: measured: a C1 hopper without noise has kinks of 0.051, 0.060 and
@@ -115,10 +123,19 @@ class Nearest:
         Size up to which kinks of these landings are not evidence.
     noise
         Noise of that size, as a multiple of the noise in the wider window.
+    faded, third_is_sure
+        As in `KinkFit`.
     """
 
     allowed: float
     noise: float
+    faded: float = 1.0
+    third_is_sure: bool = True
+
+    def suffice(self, bent: float) -> bool:
+        """Return whether these leave no more than `LEFT`, or more only by chance."""
+        of_nearest = self.allowed / self.faded - bent
+        return of_nearest <= _MORE_THAN_LEFT or not self.third_is_sure
 
 
 @dataclass(frozen=True)
@@ -148,6 +165,8 @@ class KinkFit:
         terms.
     faded
         By how much averaging over what is not foretold makes the kinks fainter.
+    third_is_sure
+        Whether third-order terms along the contacts are more than chance.
     session
         What the terms of the session depend on, if there are any.
     jumps
@@ -172,6 +191,7 @@ class KinkFit:
     allowed: float
     left: float
     faded: float = 1.0
+    third_is_sure: bool = True
     session: tuple[str, ...] = ()
     jumps: "KinkFit | None" = None
     smooth: Smooth | None = None
@@ -179,6 +199,29 @@ class KinkFit:
     faint: FloatArray | None = None
     exchanges: tuple[Exchange, ...] = ()
     nearest: Nearest | None = None
+
+    def sharp(self, bent: float) -> float:
+        """Return what third orders leave of kinks that nothing blurs.
+
+        `bent` is what the post section adds to `allowed`.
+        """
+        return self.allowed / self.faded - bent
+
+    def leaves_more(self, bent: float) -> bool:
+        """Return whether third orders leave more than `LEFT` of such kinks."""
+        return self.sharp(bent) > _MORE_THAN_LEFT
+
+    def wants_landings(self, bent: float) -> bool:
+        """Return whether they do so for want of landings, not by contacts far apart.
+
+        That is so if the landings do not tell these terms from chance, or if the
+        nearest would leave no more, but are too few to be judged by.
+        """
+        if not self.leaves_more(bent):
+            return False
+        if self.nearest is not None:
+            return self.nearest.suffice(bent)
+        return not self.third_is_sure
 
     def with_slopes(self, at: AtContact) -> "KinkFit":
         """Return the fit with the slopes at the simultaneous contact as its kinks."""
@@ -306,7 +349,7 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
     shown = kinks.shown @ seen
     change = smooth.change_by_third(np.column_stack([shown, steps.shown]))
     of_window = left_by_window(landings.expected, share)
-    allowed = max(LEFT * of_window, OF_FOURTH * change**1.5) + landings.bent
+    allowed = max(LEFT * of_window, OF_FOURTH * change.size**1.5) + landings.bent
     fit = fit_beside(smooth, shown)
     linear = smooth.linear(shown @ fit.coefficients)
     faded = kinks.faded(smooth, seen)
@@ -319,6 +362,7 @@ def fit_kinks(landings: SectionLandings, share: float = WINDOW) -> KinkFit:
         found,
         session=smooth.session,
         faded=faded,
+        third_is_sure=change.squared > BY_CHANCE * change.error,
         smooth=smooth,
         shown=shown,
         faint=kinks.shown @ faint,

@@ -151,12 +151,11 @@ class Smooth:
             by_mean_slope=float(np.sqrt(larger)),
         )
 
-    def change_by_third(self, shapes: FloatArray) -> float:
-        """Return c, by how much third-order terms change the derivative.
+    def change_by_third(self, shapes: FloatArray) -> Change:
+        """Return by how much third-order terms change the derivative.
 
-        The terms are those along the contacts. It is the rms over the landings,
-        relative to the derivative and without the contribution of noise. `shapes`
-        (n, K), kinks and steps, are fitted, too: a step looks much like a cube.
+        The terms are those along the contacts. `shapes` (n, K), kinks and steps, are
+        fitted, too: a step looks much like a cube.
         """
         design = np.column_stack([self.lower, shapes, self.along])
         basis, root = np.linalg.qr(design)
@@ -166,7 +165,8 @@ class Smooth:
         coefficients = to_coefficients @ basis[:, -n_along:].T @ self.outputs
 
         residuals = self.outputs - basis @ (basis.T @ self.outputs)
-        noise = np.sum(residuals**2, axis=0) / (len(basis) - basis.shape[1])
+        scatter = residuals.T @ residuals / (len(basis) - basis.shape[1])
+        noise = np.diag(scatter)
         variances = np.sum(to_coefficients**2, axis=1)[:, None] * noise
 
         # For normal u and v the derivative of u^3, less its mean, has mean square 18;
@@ -175,8 +175,36 @@ class Smooth:
         mean_squares[0] = 18.0
         mean_squares[-1] = 18.0
         changes = mean_squares @ (coefficients**2 - variances)
-        relative = changes @ halves(np.var(self.outputs, axis=0))
-        return float(np.sqrt(max(0.0, relative)))
+        of_outputs = halves(np.var(self.outputs, axis=0))
+        relative = float(changes @ of_outputs)
+
+        # A quadratic form of normal coefficients whose covariance is a product.
+        of_terms = mean_squares[:, None] * (to_coefficients @ to_coefficients.T)
+        of_noise = scatter * of_outputs
+        variance = 2.0 * np.trace(of_terms @ of_terms) * np.trace(of_noise @ of_noise)
+        return Change(squared=relative, error=float(np.sqrt(variance)))
+
+
+@dataclass(frozen=True)
+class Change:
+    """By how much third-order terms along the contacts change the derivative.
+
+    Attributes
+    ----------
+    squared
+        Mean square over the landings, relative to the derivative and without the
+        contribution of noise, which may leave less than zero.
+    error
+        Its standard error if there are no such terms.
+    """
+
+    squared: float
+    error: float
+
+    @property
+    def size(self) -> float:
+        """Return c, the rms over the landings."""
+        return float(np.sqrt(max(0.0, self.squared)))
 
 
 def affords_third(landings: SectionLandings, n_rows: int) -> bool:

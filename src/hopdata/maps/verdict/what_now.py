@@ -22,7 +22,7 @@ from hopdata.maps.verdict.effect import MOST_LANDINGS, EffectSize
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
 from hopdata.maps.verdict.model import BY_CHANCE, LEFT, KinkFit
 from hopdata.maps.verdict.signs import IN_A_ROW
-from hopdata.maps.verdict.words import percent, two_digits
+from hopdata.maps.verdict.words import asked_for, percent
 from hopdata.messages import Message
 
 #: Landings of a usual good study, which a study is compared with.
@@ -57,8 +57,8 @@ class Limit:
     Attributes
     ----------
     cause
-        ``"landings"``, ``"noise"``, ``"posture"``, ``"spread"``, ``"drift"``,
-        ``"sections"``, ``"saturation"`` or ``"orders"``.
+        ``"estimate"``, ``"landings"``, ``"noise"``, ``"posture"``, ``"spread"``,
+        ``"drift"``, ``"sections"``, ``"saturation"`` or ``"orders"``.
     costs
         By how much the detectable size would fall without it, as a share of the map;
         None if this cannot be told.
@@ -164,8 +164,11 @@ def what_limits_most(
     """
     shown = min(effect.detectable, 1e3)
     size = _Detectable(fit.allowed, max(shown - fit.allowed, 0.0), margin)
+    n_landings, n_feet = landings.expected.shape
+    needed = _needed(effect, n_landings, margin, n_feet)
+    of_landings = _of_landings(n_landings, needed, size, n_feet, saturates=saturates)
     found = [
-        _of_landings(effect, landings, size, saturates=saturates),
+        of_landings,
         _of_noise(fit, landings, size),
         _of_posture(fit, landings, size),
         _of_spread(fit, landings),
@@ -175,9 +178,15 @@ def what_limits_most(
     least = LEAST_SHARE * shown
     listed = [one for one in found if (one.costs or 0.0) > least]
     listed.sort(key=lambda one: -(one.costs or 0.0))
-    return (
-        _of_saturation(effect, saturates=saturates) + listed + _missing_orders(landings)
-    )
+    first = _of_saturation(effect, saturates=saturates)
+    if not saturates and needed is not None and needed <= n_landings:
+        # More landings are not what such a study lacks.
+        listed = [one for one in listed if one.cause != "landings"]
+        first = [_of_estimate(effect, landings, margin)]
+    elif not listed:
+        # Nothing is worse than in a usual study; this one asks for more.
+        listed = [of_landings]
+    return first + listed + _missing_orders(landings)
 
 
 def _of_saturation(effect: EffectSize, *, saturates: bool) -> list[Limit]:
@@ -191,32 +200,60 @@ def _of_saturation(effect: EffectSize, *, saturates: bool) -> list[Limit]:
     return [Limit("saturation", None, Message("maps.limit_saturation", values))]
 
 
+def _needed(effect: EffectSize, landings: int, margin: float, feet: int) -> int | None:
+    """Return how many landings would show the margin; None if too many."""
+    try:
+        needed = effect.landings_needed(landings, margin, feet)
+    except AnalysisError:
+        return None
+    if needed > MOST_LANDINGS:
+        return None
+    return needed
+
+
+def _of_estimate(effect: EffectSize, landings: SectionLandings, margin: float) -> Limit:
+    """Return that a study has the landings for its power, but a large estimate.
+
+    It stands first, and what it costs is not told: another study of the same kind would
+    most likely have no such estimate.
+    """
+    n_landings, n_feet = landings.expected.shape
+    values: dict[str, Any] = {
+        "landings": n_landings,
+        "margin": percent(margin),
+        "estimate": percent(effect.estimate),
+    }
+    needed = effect.landings_for_bound(n_landings, margin, n_feet)
+    code = "maps.limit_estimate_no"
+    if needed is not None and needed <= MOST_LANDINGS:
+        values["needed"] = f"{asked_for(needed, n_landings):,}"
+        code = "maps.limit_estimate"
+    return Limit("estimate", None, Message(code, values))
+
+
 def _of_landings(
-    effect: EffectSize,
-    landings: SectionLandings,
+    n_landings: int,
+    needed: int | None,
     size: _Detectable,
+    feet: int,
     *,
     saturates: bool,
 ) -> Limit:
-    n_landings, n_feet = landings.expected.shape
-    for_terms = inputs.landings_for_terms(n_feet)
+    for_terms = inputs.landings_for_terms(feet)
     free = max(1.0, n_landings - for_terms)
     usual = max(free, USUAL_LANDINGS - for_terms)
-    costs = size.noise * (1.0 - np.sqrt(free / usual))
+    costs = float(size.noise * (1.0 - np.sqrt(free / usual)))
     values = {"landings": n_landings, "margin": percent(size.margin)}
-    try:
-        needed = effect.landings_needed(n_landings, size.margin, n_feet)
-    except AnalysisError:
-        needed = None
-    if needed is None or needed > MOST_LANDINGS:
-        return Limit(
-            "landings", float(costs), Message("maps.limit_landings_no", values)
-        )
-    values["needed"] = f"{two_digits(needed):,}"
+    if needed is None:
+        return Limit("landings", costs, Message("maps.limit_landings_no", values))
+    if saturates and needed <= n_landings:
+        said = Message("maps.limit_landings_saturates_enough", values)
+        return Limit("landings", costs, said)
+    values["needed"] = f"{asked_for(needed, n_landings):,}"
     name = "maps.limit_landings"
     if saturates:
         name = "maps.limit_landings_saturates"
-    return Limit("landings", float(costs), Message(name, values))
+    return Limit("landings", costs, Message(name, values))
 
 
 def share_of_noise(fit: KinkFit, landings: SectionLandings) -> float:
@@ -248,7 +285,9 @@ def _of_noise(fit: KinkFit, landings: SectionLandings, size: _Detectable) -> Lim
     left = (room / max(size.noise, 1e-12)) ** 2 - (1.0 - share)
     if share <= 0.0 or left <= 0.0:
         return Limit("noise", float(costs), Message("maps.limit_noise_no", values))
-    factor = min(1.0, np.sqrt(left / share))
+    if left >= share:
+        return Limit("noise", float(costs), Message("maps.limit_noise_some", values))
+    factor = np.sqrt(left / share)
     values["factor"] = percent(float(factor))
     return Limit("noise", float(costs), Message("maps.limit_noise", values))
 
@@ -280,9 +319,11 @@ def _of_posture(fit: KinkFit, landings: SectionLandings, size: _Detectable) -> L
 
 
 def _of_spread(fit: KinkFit, landings: SectionLandings) -> Limit:
-    sharp = fit.allowed / fit.faded - landings.bent
+    sharp = fit.sharp(landings.bent)
     costs = max(0.0, sharp - LEFT) * fit.faded
     values = {"allowed": percent(fit.allowed), "usual": percent(LEFT)}
+    if fit.wants_landings(landings.bent):
+        return Limit("spread", costs, Message("maps.limit_spread_few", values))
     # What smooth terms leave grows as the cube of the contacts' spread.
     factor = (LEFT / sharp) ** (1.0 / 3.0) if sharp > 0.0 else 1.0
     values["factor"] = percent(min(1.0, factor))

@@ -55,9 +55,13 @@ def fit_of_best_window(landings: SectionLandings, comparison: Comparison) -> Kin
         noise = _noise(wide, landings, comparison)
         seen_from = _seen_from(wide, noise)
         if seen_from < least:
-            best = replace(
-                wide, nearest=Nearest(nearest.allowed, noise_of_nearest / noise)
+            of_nearest = Nearest(
+                nearest.allowed,
+                noise_of_nearest / noise,
+                nearest.faded,
+                nearest.third_is_sure,
             )
+            best = replace(wide, nearest=of_nearest)
             least = seen_from
     return best
 

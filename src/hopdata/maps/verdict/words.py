@@ -195,7 +195,7 @@ def outlook(
     values: dict[str, Any] = {"seen": seen, "asked": percent(ASKED)}
     if needed is None:
         return Message("maps.outlook_never", values)
-    values["number"] = f"{two_digits(needed):,}"
+    values["number"] = f"{asked_for(needed, landings):,}"
     if needed <= landings:
         return Message("maps.outlook_enough", values)
     if needed > MOST_LANDINGS:
@@ -207,6 +207,18 @@ def outlook(
 def two_digits(number: float) -> int:
     """Return a number rounded to two digits, since more of a plan mean nothing."""
     return int(float(f"{number:.1e}"))
+
+
+def asked_for(needed: int, landings: int) -> int:
+    """Return how many landings to ask for, to two digits.
+
+    A study that lacks some is never told a number that it has.
+    """
+    told = two_digits(needed)
+    if told <= landings < needed:
+        step = 10 ** (len(str(needed)) - 2)
+        told = -(-needed // step) * step
+    return told
 
 
 def jump_said(jump: EffectSize, confidence: float, exchanges: int = 1) -> Message:
