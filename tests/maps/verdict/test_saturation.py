@@ -150,7 +150,7 @@ def test_a_study_that_cannot_tell_names_saturation_before_landings():
     assert answer.saturates
     assert "no upper bound can be given" in answer.sentence
     codes = [one["code"] for one in answer.what_now]
-    assert codes == ["maps.limit_saturation", "maps.limit_landings_saturates"]
+    assert codes == ["maps.limit_saturation", "maps.limit_landings_saturates_enough"]
 
 
 def test_a_smooth_map_seldom_saturates():
