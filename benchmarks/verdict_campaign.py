@@ -274,7 +274,7 @@ def judged(one: Cell, seed: int, body: Body, landings: Landings) -> dict[str, An
         "conclusion": verdict.conclusion,
         "foretold": verdict.contacts_r2,
         "saturates": int(verdict.saturates),
-        "notes": " ".join(sorted({note["code"] for note in verdict.notes})),
+        "notes": " ".join(sorted({note.code for note in verdict.notes})),
     }
     for prefix, size in (("", verdict.effect), ("jump_", verdict.jump)):
         if size is not None:

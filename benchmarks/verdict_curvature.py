@@ -216,7 +216,7 @@ def judged(name: str, number: int, seed: int) -> list[dict[str, Any]]:
     bent = curvature(study)
     row = {"kind": name, "landings": number, "seed": seed}
     row["conclusion"] = verdict.conclusion
-    row["noted"] = int(NOTE in {note["code"] for note in verdict.notes})
+    row["noted"] = int(NOTE in {note.code for note in verdict.notes})
     row |= {"share": bent.share, "by_mean_slope": bent.by_mean_slope}
     row["true"] = SIZE
     for value in COLUMNS[COLUMNS.index("low") :]:

@@ -162,7 +162,7 @@ def judged(kind: str, seed: int) -> list[dict[str, Any]]:
     row["saturates"] = int(verdict.saturates)
     if found and kind != "kink":
         row["wrong"] = int(not verdict.effect.low <= true <= verdict.effect.high)
-    noted = {note["code"]: note["values"] for note in verdict.notes}
+    noted = {note.code: note.values for note in verdict.notes}
     for name in NOTES:
         row[name] = int(f"maps.{name}" in noted)
         if row[name]:

@@ -190,7 +190,7 @@ def judged(name: str, feet: int, seed: int) -> list[dict[str, Any]]:
     row["conclusion"] = verdict.conclusion
     row["true"] = study.jump
     row["saturates"] = int(verdict.saturates)
-    codes = {note["code"] for note in verdict.notes}
+    codes = {note.code for note in verdict.notes}
     row["or_bend"] = int("maps.jump_or_bend" in codes)
     row["unsure"] = int("maps.jump_unsure" in codes)
     jump = verdict.jump

@@ -889,10 +889,10 @@ def test_a_landing_that_is_far_off_is_named_as_exclude_takes_it(spoiled, tmp_pat
     assert far_off["t_pre_s"] == pytest.approx(SPOILED_S, abs=0.001)
 
     number = far_off["touchdown"]
-    (note,) = [one for one in study.verdict.notes if one["code"] == "maps.gross_errors"]
-    assert f"hopper, touchdown {number} (at 38.18 s)" in note["reason"]
+    (note,) = [one for one in study.verdict.notes if one.code == "maps.gross_errors"]
+    assert f"hopper, touchdown {number} (at 38.18 s)" in note.reason
     page = study.report(tmp_path / "page.html").read_text().replace("\u00a0", " ")
-    assert note["reason"] in page
+    assert note.reason in page
     of_page = page[page.index("Every landing that is not used") :]
     row = re.search("<tr>(?:(?!</tr>).)*far off.*?</tr>", of_page, re.DOTALL)[0]
     assert "left out of the verdict as far off: body markers" in row
@@ -912,10 +912,10 @@ def test_landings_that_are_far_off_are_kept_where_that_is_asked_for(spoiled):
     without = hd.study(spoiled, verdict=FEW_FLIPS)
     assert study.verdict.n_landings == without.verdict.n_landings + 1
     assert not study.verdict.far_off
-    codes = [note["code"] for note in study.verdict.notes]
+    codes = [note.code for note in study.verdict.notes]
     assert "maps.far_off_kept" in codes
     assert "maps.gross_errors" not in codes
-    codes = [note["code"] for note in without.verdict.notes]
+    codes = [note.code for note in without.verdict.notes]
     assert "maps.far_off_kept" not in codes
 
 

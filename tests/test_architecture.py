@@ -25,6 +25,7 @@ SHARED = {
     "interchange",
     "jobs",
     "messages",
+    "notes",
     "private_numba",
     "products",
     "recording",

@@ -66,7 +66,7 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     row["contacts"] = contacts_of(study.touchdowns)
     verdict = study.verdict
     if verdict.effect is None:
-        reason = "; ".join(note["reason"] for note in verdict.notes)
+        reason = "; ".join(note.reason for note in verdict.notes)
     else:
         row |= verdict.effect.to_dict()
     if verdict.jump and verdict.decided_by == "jump":

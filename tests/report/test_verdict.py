@@ -406,7 +406,8 @@ def test_a_difference_that_fades_towards_the_contact_has_one_reading():
     unknown = Growth(slope=0.5, low=limits.GROWS - 0.1, high=limits.CURVATURE)
     lasting = Growth(slope=0.0, low=-0.1, high=limits.CURVATURE - 0.1)
     for growth, is_told in ((fading, False), (unknown, True), (lasting, True)):
-        told = reach(verdict(**small, notes=limits.grows(growth)))
+        notes = [note.to_dict() for note in limits.grows(growth)]
+        told = reach(verdict(**small, notes=notes))
         assert any("and yet" in str(one) for one in told) == is_told, growth
 
 

@@ -283,8 +283,8 @@ def _of_frames(
         return Forecast(
             touchdowns,
             share,
-            reason=note["reason"],
-            code=note["code"],
+            reason=note.reason,
+            code=note.code,
             best=best,
             contact_remarks=told,
             landings_share=landings_share,
@@ -299,7 +299,7 @@ def _of_frames(
         # The whole study will use the nearest landings only.
         shown = shown_nearest
         effect = replace(effect, allowed=effect.allowed_nearest)
-    kinds = [note["reason"] for note in verdict.notes if note["code"] == TWO_KINDS_CODE]
+    kinds = [note.reason for note in verdict.notes if note.code == TWO_KINDS_CODE]
     return Forecast(
         touchdowns,
         share,

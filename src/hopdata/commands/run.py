@@ -28,6 +28,7 @@ from hopdata.errors import (
 )
 from hopdata.jobs import read_json
 from hopdata.messages import Message
+from hopdata.notes import Note
 from hopdata.provenance import package_digest
 from hopdata.report import verdict
 from hopdata.report.tables import quality_summary
@@ -108,7 +109,7 @@ def _tell_early(asked: _Run, stage: str) -> None:
         return  # the end of the run will tell
     if found.get("effect") is not None or found.get("jump") is not None:
         return
-    reason = "; ".join(note["reason"] for note in found["notes"][-1:])
+    reason = "; ".join(Note.from_dict(one).reason for one in found["notes"][-1:])
     said = Message("commands.verdict_not_reached", {"reason": reason})
     print(f"note: {asked.study}: {said}", file=sys.stderr, flush=True)
 

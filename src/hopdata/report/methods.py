@@ -17,7 +17,7 @@ from hopdata.messages import Message
 from hopdata.report.formatting import records, significant
 from hopdata.report.inputs import ReportInputs, count_feet, joined_feet
 from hopdata.report.tables import NO_FOOT_LANDED, excluded
-from hopdata.report.verdict import measured, step_like_jump
+from hopdata.report.verdict import measured, notes_of, step_like_jump
 
 BIBTEX = Path(__file__).with_name("references.bib")
 # Packages whose versions a paper states.
@@ -453,9 +453,9 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
 
 def _assumed(verdict: Mapping[str, Any]) -> Message:
     """Say what the random signs assume of the errors of landings."""
-    for note in verdict.get("notes", ()):
-        if note.get("code") == ERR_ALIKE:
-            return Message("report.methods_assumed_alike", note["values"])
+    for note in notes_of(verdict):
+        if note.code == ERR_ALIKE:
+            return Message("report.methods_assumed_alike", note.values)
     return Message("report.methods_assumed")
 
 

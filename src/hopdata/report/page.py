@@ -11,6 +11,7 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.feet import foot_names
 from hopdata.messages import Message
+from hopdata.notes import Note
 from hopdata.report import formatting as show
 from hopdata.report import tables, verdict, what_now
 from hopdata.report.inputs import (
@@ -671,33 +672,26 @@ def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> Sequence[Message]:
 def _notes(inputs: ReportInputs) -> list[str | Message]:
     """Return what could not be done; what has one reason is told together."""
     of_reason: dict[str, list[str]] = {}
-    others = []
-    for note in inputs.notes:
-        what = reason = None
-        if isinstance(note, Mapping) and not note.get("code"):
-            what = note.get("what")
-            reason = note.get("reason")
-        if what and reason:
-            of_reason.setdefault(str(reason), []).append(str(what))
+    others: list[str | Message] = []
+    for one in inputs.notes:
+        if isinstance(one, str | Message):
+            others.append(one)
+            continue
+        note = Note.from_dict(one)
+        if note.what and note.reason and not note.code:
+            of_reason.setdefault(note.reason, []).append(note.what)
         else:
-            others.append(note)
-    together = [
-        {"what": "; ".join(what), "reason": reason}
-        for reason, what in of_reason.items()
-    ]
-    floors = _floor_notes(inputs.floors)
-    return [_note(note) for note in (*together, *others, *floors)]
+            others.append(_note(note))
+    together = []
+    for reason, about in of_reason.items():
+        together.append(_note(Note("; ".join(about), reason)))
+    return [*together, *others, *_floor_notes(inputs.floors)]
 
 
-def _note(note: str | Message | Mapping[str, Any]) -> str | Message:
-    """Return a note of a stage: in words if it has a code, else as it is."""
-    if isinstance(note, str | Message):
-        return note
-    what: Any = note.get("what")
-    reason: Any = note.get("reason")
-    if note.get("code"):
-        reason = verdict.told(note, str(reason))
-        what = verdict.subject_of(note)
+def _note(note: Note) -> str | Message:
+    """Return a note in the words of its code, or in its own if it has none."""
+    what = verdict.subject_of(note)
+    reason = verdict.reason_of(note)
     if not what or not reason:
-        return str(what or reason or "")
+        return str(what or reason)
     return Message("report.note", {"what": what, "reason": reason})

@@ -9,6 +9,7 @@ from typing import Any
 from hopdata.arrays import pd
 from hopdata.feet import AND, with_foot_names
 from hopdata.messages import Message, in_per_cent
+from hopdata.notes import Note
 from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
@@ -132,7 +133,7 @@ def _not_saturating(verdict: Verdict, facts: Mapping[str, Any]) -> list[Message]
     is_small = p_value is not None and p_value < SATURATES_BELOW
     if not is_small or verdict.get("saturates") or facts["jumps"]:
         return []
-    codes = {note.get("code") for note in verdict.get("notes", ())}
+    codes = {note.code for note in notes_of(verdict)}
     if not facts["allowed"] or FADES_TOWARDS_CONTACT in codes:
         return []
     values = {"p": show.significant(p_value, 2), "allowed": facts["allowed"]}
@@ -184,7 +185,7 @@ def looks_like_jump(verdict: Verdict) -> Message | None:
     jump = verdict.get("jump") or {}
     if not jump.get("low"):
         return None
-    codes = {note.get("code") for note in verdict.get("notes", ())}
+    codes = {note.code for note in notes_of(verdict)}
     if JUMP_OR_BEND in codes:
         return _within_spread("report.bend_like_jump", verdict, 1.0)
     return step_like_jump(verdict)
@@ -214,14 +215,19 @@ def _spread(verdict: Verdict) -> Message:
     return Message("report.spread_of_two_feet", values)
 
 
-def further_notes(verdict: Verdict) -> list[Mapping[str, Any]]:
+def notes_of(verdict: Verdict) -> list[Note]:
+    """Return the notes of a ``verdict.json``."""
+    return [Note.from_dict(one) for one in verdict.get("notes") or ()]
+
+
+def further_notes(verdict: Verdict) -> list[Note]:
     """Return the notes that the answer does not say already."""
     sentence = verdict.get("messages", {}).get("sentence") or {}
     reason = sentence.get("values", {}).get("reason")
     said = reason.get("code") if isinstance(reason, Mapping) else reason
     notes = []
-    for note in verdict.get("notes", ()):
-        if said is None or said not in (note.get("code"), note.get("reason")):
+    for note in notes_of(verdict):
+        if said is None or said not in (note.code, note.reason):
             notes.append(note)
     return notes
 
@@ -266,22 +272,28 @@ def told(message: Mapping[str, Any], as_written: str) -> Message | str:
     Files of earlier versions may lack a value that its template asks for, or have a
     code without a template. Their own English text, `as_written`, is then all there is.
     """
-    said = Message.from_dict(message)
+    return _if_it_has_words(Message.from_dict(message), as_written)
+
+
+def subject_of(note: Note) -> Message | str:
+    """Return what a note is about; reasons for no answer have no name of their own."""
+    return _if_it_has_words(note.about, note.what)
+
+
+def reason_of(note: Note) -> Message | str:
+    """Return what a note says."""
+    return _if_it_has_words(note.said, note.reason)
+
+
+def _if_it_has_words(message: Message, as_written: str) -> Message | str:
+    """Return a message or, if this version has no words for it, those of its file."""
+    if not message.code:
+        return as_written
     try:
-        said.text()
+        message.text()
     except KeyError:
         return as_written
-    return said
-
-
-def subject_of(note: Mapping[str, Any]) -> Message | str:
-    """Return what a note with a code is about; reasons for no answer have no name."""
-    title = Message(f"{note['code']}_what")
-    try:
-        title.text()
-    except KeyError:
-        return str(note["what"])
-    return title
+    return message
 
 
 def verdict_facts(

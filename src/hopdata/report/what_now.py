@@ -13,7 +13,7 @@ from typing import Any
 from hopdata import __version__
 from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report.verdict import Verdict, percent, told
+from hopdata.report.verdict import Verdict, notes_of, percent, reason_of, told
 
 #: The advice on all limits, in the documentation of this version.
 DOCUMENTATION = (
@@ -129,11 +129,10 @@ def _advice_on(cause: Mapping[str, Any]) -> str:
 def _of_reasons(verdict: Verdict) -> list[Limit]:
     """Return the reasons why there is no number, if they name no limit."""
     found = []
-    for note in verdict.get("notes") or []:
-        code = OF_REASON.get(str(note.get("code")))
+    for note in notes_of(verdict):
+        code = OF_REASON.get(note.code)
         if code is not None:
-            reason = told(note, str(note.get("reason", "")))
-            found.append(Limit(reason, Message(code)))
+            found.append(Limit(reason_of(note), Message(code)))
     return found
 
 

@@ -32,7 +32,7 @@ def with_sines(size, *, of_range=1.0, **options):
 def noted(data):
     """Return the values of the note, None if there is none, and the verdict."""
     verdict = judge(data.before, data.after, data.instants, seed=3, flips=199)
-    found = [note["values"] for note in verdict.notes if note["code"] == CODE]
+    found = [note.values for note in verdict.notes if note.code == CODE]
     return (found or [None])[0], verdict
 
 
@@ -42,7 +42,7 @@ def test_a_strongly_curved_map_is_noted(other):
     assert values is not None
     assert float(values["share"].split()[0]) > 10.0
     assert float(values["times"]) > 1.2
-    (said,) = [note["reason"] for note in verdict.notes if note["code"] == CODE]
+    (said,) = [note.reason for note in verdict.notes if note.code == CODE]
     assert f"{values['times']} times" in said
 
 

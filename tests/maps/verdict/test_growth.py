@@ -31,7 +31,7 @@ def noted(shape):
     verdict = judge(
         data.before, after, data.instants, instants_se=errors, seed=1, flips=199
     )
-    notes = {note["code"]: note["values"] for note in verdict.notes}
+    notes = {note.code: note.values for note in verdict.notes}
     return verdict, notes
 
 
@@ -40,9 +40,9 @@ def test_a_difference_that_fades_is_different_and_noted():
     assert verdict.conclusion == "different"
     assert "Reservation: it seems to fade" in verdict.sentence
     assert float(notes["maps.grows"]["slope"]) == pytest.approx(1.0, abs=0.25)
-    (said,) = [one for one in verdict.notes if one["code"] == "maps.grows"]
+    (said,) = [one for one in verdict.notes if one.code == "maps.grows"]
     # The slope is that of one family of shapes: it is not told as a number in words.
-    assert not any(letter.isdigit() for letter in said["reason"])
+    assert not any(letter.isdigit() for letter in said.reason)
 
 
 def test_a_kink_is_not_noted():

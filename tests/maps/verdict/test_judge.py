@@ -177,8 +177,8 @@ def test_third_order_terms_along_the_contacts_widen_what_is_no_evidence(feet, n)
     assert near.notes == []
     allowed = [one.effect.allowed for one in (far, farther)]
     assert allowed[1] == pytest.approx(2**1.5 * allowed[0], rel=0.1)
-    assert [note["what"] for note in far.notes] == ["contacts far apart"]
-    assert f"{float(f'{100 * allowed[0]:.2g}'):g} %" in far.notes[0]["reason"]
+    assert [note.what for note in far.notes] == ["contacts far apart"]
+    assert f"{float(f'{100 * allowed[0]:.2g}'):g} %" in far.notes[0].reason
     wider = farther.effect.upper_bound - far.effect.upper_bound
     assert wider > 0.4 * (allowed[1] - allowed[0])
     assert farther.landings_needed is None
@@ -191,7 +191,7 @@ def test_landings_of_two_speeds_are_told(of_these):
         verdict(landings(strength=0.3, faster=f, of_these=of_these)) for f in (0.0, 8.0)
     )
     assert one.notes == []
-    assert [(note["code"], note["reason"][:20]) for note in two.notes] == [
+    assert [(note.code, note.reason[:20]) for note in two.notes] == [
         (TWO_KINDS_CODE, "by their velocity be")
     ]
     assert two.effect.estimate < 0.85 * one.effect.estimate
@@ -470,7 +470,7 @@ def test_bad_data_get_a_sentence_and_no_number(name):
     assert words in answer.sentence
     assert answer.effect is None
     assert answer.landings_needed is None
-    assert answer.notes[-1]["what"] == "verdict"
+    assert answer.notes[-1].what == "verdict"
 
 
 @pytest.mark.parametrize(
@@ -503,9 +503,9 @@ def test_landings_that_remember_those_before_are_noted_and_widen_the_interval():
     mixed = some(data, np.random.default_rng(3).permutation(900))
     remembered, independent = verdict(data), verdict(mixed)
     what = "landings are not independent"
-    (noted,) = [note for note in remembered.notes if note["what"] == what]
-    assert "widens the interval" in noted["reason"]
-    assert what not in [note["what"] for note in independent.notes]
+    (noted,) = [note for note in remembered.notes if note.what == what]
+    assert "widens the interval" in noted.reason
+    assert what not in [note.what for note in independent.notes]
     assert remembered.effect.squared_error > 3.0 * independent.effect.squared_error
 
 
@@ -516,9 +516,9 @@ def test_mistakes_are_left_out_and_told():
     data.after[[2, 499], -1] += 50.0
     answer = verdict(data)
     note = answer.notes[-1]
-    assert note["what"] == "landings left out as far off"
-    assert "2 of 900" in note["reason"]
-    assert note["values"]["rows"] == answer.gross_errors == {"markers_apart": [3, 500]}
+    assert note.what == "landings left out as far off"
+    assert "2 of 900" in note.reason
+    assert note.values["rows"] == answer.gross_errors == {"markers_apart": [3, 500]}
     assert answer.n_landings == 898
     assert answer.effect.upper_bound == pytest.approx(clean.effect.upper_bound, rel=0.1)
 
@@ -529,7 +529,7 @@ def test_rows_of_mistakes_are_those_of_the_arrays_given():
     data.after[[2, 499], -1] += 50.0
     answer = verdict(data)
     assert answer.gross_errors == {"markers_apart": [3, 500]}
-    assert [note["code"] for note in answer.notes] == [
+    assert [note.code for note in answer.notes] == [
         "maps.left_out",
         "maps.gross_errors",
     ]
@@ -572,7 +572,7 @@ def test_landings_without_an_instant_are_counted_and_left_out():
     data.before[6, 2] = np.inf
     answer = verdict(data)
     assert answer.n_landings == 893
-    assert answer.notes[0]["reason"] == (
+    assert answer.notes[0].reason == (
         "in 7 of the 900 landings used, the state before or after, or the contact "
         "instant of a foot, is not known"
     )
@@ -621,7 +621,7 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     data = landings(seed=seed)
     rigid = verdict(data)
     assert rigid.contacts_r2 > 0.995
-    assert NOT_FORETOLD_CODE not in [note["code"] for note in rigid.notes]
+    assert NOT_FORETOLD_CODE not in [note.code for note in rigid.notes]
     scatter_s = 0.0015  # of when each leg touches, beside what the body's state decides
     posture = np.random.default_rng(seed).normal(0.0, scatter_s, data.instants.shape)
     moved = replace(data, instants=data.instants + posture)
@@ -629,12 +629,12 @@ def test_contacts_that_the_state_does_not_explain_are_noted(seed):
     varied = np.mean((data.instants - data.instants.mean(axis=1, keepdims=True)) ** 2)
     expected = varied / (varied + scatter_s**2 * (1 - 1 / 3))
     assert answer.contacts_r2 == pytest.approx(expected, abs=0.01)
-    (note,) = [note for note in answer.notes if note["code"] == ERRORS_UNKNOWN_CODE]
-    assert f"{100 * answer.contacts_r2:.1f} %" in note["reason"]
+    (note,) = [note for note in answer.notes if note.code == ERRORS_UNKNOWN_CODE]
+    assert f"{100 * answer.contacts_r2:.1f} %" in note.reason
     # The same scatter as an error of measurement says nothing of the animal.
     known = verdict(moved, instants_se=np.full(data.instants.shape, scatter_s))
     assert known.contacts_r2 > 0.99
-    assert NOT_FORETOLD_CODE not in [note["code"] for note in known.notes]
+    assert NOT_FORETOLD_CODE not in [note.code for note in known.notes]
 
 
 def test_standard_errors_have_the_shape_of_the_instants():
@@ -661,7 +661,7 @@ def test_what_is_missing_has_a_code():
     data = landings()
     first = replace(data, instants=data.instants + np.array([0.0, 1.0, 2.0]))
     (note,) = verdict(first).notes
-    assert note["code"] == "maps.too_few_orders"
+    assert note.code == "maps.too_few_orders"
     (note,) = verdict(data, blurred="they are smoothed").notes
-    assert note["code"] == "maps.no_answer"
-    assert note["values"] == {"reason": "they are smoothed"}
+    assert note.code == "maps.no_answer"
+    assert note.values == {"reason": "they are smoothed"}

@@ -48,7 +48,7 @@ def test_the_order_that_differs_is_named_and_no_other():
         if named(answer) == [ODD]:
             right += 1
             assert "only the order 1 → 2 → 3" in answer.main_contrast
-            assert "maps.own_map" in [note["code"] for note in answer.notes]
+            assert "maps.own_map" in [note.code for note in answer.notes]
     assert right >= 0.9 * N_STUDIES
 
 

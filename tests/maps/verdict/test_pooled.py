@@ -102,5 +102,5 @@ def test_a_verdict_says_so_only_without_blocks(moved_m, with_blocks, told):
     zero = np.zeros_like(instants)
     found = judge(x, y, instants, instants_se=zero, blocks=blocks, seed=1, flips=99)
     assert found.effect is not None
-    codes = [note["code"] for note in found.notes]
+    codes = [note.code for note in found.notes]
     assert ("maps.more_bodies" in codes) == told

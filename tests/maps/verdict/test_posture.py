@@ -43,9 +43,9 @@ def test_feet_before_the_landing_foretell_what_the_state_does_not(scattered):
     assert seeing.effect.estimate == pytest.approx(wanted, rel=0.15)
     assert blind.conclusion == "cannot tell"
     assert blind.effect.upper_bound > wanted
-    codes = [note["code"] for note in seeing.notes]
+    codes = [note.code for note in seeing.notes]
     assert "maps.feet_used" in codes
-    assert "maps.not_foretold" in [note["code"] for note in blind.notes]
+    assert "maps.not_foretold" in [note.code for note in blind.notes]
     assert seeing.posture == "inputs of the map"
 
 
@@ -73,7 +73,7 @@ def test_landings_without_feet_are_left_out_or_feet_are_not_used(
     answer = _judged(data, feet)
     assert (answer.posture == "inputs of the map") == used
     assert answer.n_landings == len(feet) - hidden * used
-    codes = [note["code"] for note in answer.notes]
+    codes = [note.code for note in answer.notes]
     assert ("maps.feet_hidden" in codes) == used
 
 
@@ -123,4 +123,4 @@ def test_a_changing_session_is_fitted_and_said():
     assert told.session == ("block",)
     assert blind.session == ()
     assert told.effect.upper_bound < 0.7 * blind.effect.upper_bound
-    assert "maps.session" in [note["code"] for note in told.notes]
+    assert "maps.session" in [note.code for note in told.notes]

@@ -41,7 +41,7 @@ def _judged(study, errors=None):
 
 
 def _codes(answer):
-    return {note["code"] for note in answer.notes}
+    return {note.code for note in answer.notes}
 
 
 def test_unknown_errors_make_intervals_wide_and_not_wrong(with_errors):

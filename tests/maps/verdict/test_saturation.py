@@ -231,7 +231,7 @@ def test_only_kinks_that_are_larger_at_the_contact_saturate(
 def test_a_jump_is_named_only_if_no_fading_bend_explains_it(feet, within, jump):
     data = fading_one_side(within=within, jump=jump, feet=feet)
     found = judge(data.before, data.after, data.instants, seed=3, flips=199)
-    is_unsure = "maps.jump_unsure" in [note["code"] for note in found.notes]
+    is_unsure = "maps.jump_unsure" in [note.code for note in found.notes]
     rows = [row["low"] for row in found.orders if row["of"] == "jump"]
     assert found.saturates
     assert found.jump.estimate > found.jump.allowed
@@ -248,7 +248,7 @@ def test_a_jump_that_a_sharp_bend_explains_as_well_is_noted(seed):
     jump = landings(600, jump=1.0, feet=4, seed=seed)
     for data, may_be_a_bend in ((bend, True), (jump, False)):
         found = judge(data.before, data.after, data.instants, seed=3, flips=199)
-        codes = [note["code"] for note in found.notes]
+        codes = [note.code for note in found.notes]
         assert found.jump.low > 0.0
         assert not found.saturates
         assert ("maps.jump_or_bend" in codes) == may_be_a_bend

@@ -85,7 +85,7 @@ SHOWS = {
     "saturation": lambda answer: answer.saturates,
     "a bend like a jump": lambda answer: (
         answer.jump.low == 0
-        and any(note["code"] == "maps.jump_unsure" for note in answer.notes)
+        and any(note.code == "maps.jump_unsure" for note in answer.notes)
     ),
     "a jump beside bends": lambda answer: (
         answer.jump.low > 0 and answer.saturation_p_value < 0.01

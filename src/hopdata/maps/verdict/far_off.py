@@ -12,6 +12,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.messages import Message
+from hopdata.notes import Note
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -63,17 +64,16 @@ def with_names(
     return replace(found, far_off=tuple(named), notes=notes)
 
 
-def _named(
-    note: Mapping[str, Any], landings: Sequence[Mapping[str, Any]]
-) -> Mapping[str, Any]:
+def _named(note: Note, landings: Sequence[Mapping[str, Any]]) -> Note:
     """Return the note on these landings with their names; another as it is."""
-    if note["code"] != NOTE:
+    if note.code != NOTE:
         return note
-    values = {**note["values"], "which": Message("maps.far_off_in_lists")}
+    which = Message("maps.far_off_in_lists")
     if len(landings) <= MOST_NAMED:
         listed = {"listed": "; ".join(_told(one) for one in landings)}
-        values["which"] = Message("maps.far_off_named", listed)
-    return {**note, "reason": str(Message(NOTE, values)), "values": values}
+        which = Message("maps.far_off_named", listed)
+    values = {**note.values, "which": which}
+    return Note.of(NOTE, **values)
 
 
 def _told(landing: Mapping[str, Any]) -> str:

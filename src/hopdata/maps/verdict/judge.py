@@ -21,7 +21,6 @@ from hopdata.arrays import (
     one_blas_thread,
 )
 from hopdata.errors import AnalysisError, told_call
-from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import data, inputs, limits
 from hopdata.maps.verdict import orders as which
 from hopdata.maps.verdict.comparison import Comparison, compared
@@ -51,6 +50,7 @@ from hopdata.maps.verdict.words import (
     without_upper_end,
 )
 from hopdata.messages import Message
+from hopdata.notes import Note
 
 # Names that verdicts of earlier versions have in their files -> those of this version.
 EARLIER_NAMES = {
@@ -168,8 +168,8 @@ class Verdict(Shown):
         state and feet foretell, None if it cannot be told, with the reason in
         ``unknown_because``. Otherwise empty: see `hopdata.maps.verdict.preliminary`.
     notes
-        Limits of the answer, each ``{"what": ..., "reason": ...}`` in words and
-        ``{"code": ..., "values": ...}`` for programs: see `hopdata.messages`.
+        Limits of the answer, each with ``what`` and ``reason`` in words, and ``code``
+        and ``values`` for programs: see `hopdata.notes.Note`.
     what_now
         If the study cannot tell: the causes that limit it, the one that costs most
         first, each with its ``cause``, ``costs`` (by how much the detectable size would
@@ -211,7 +211,7 @@ class Verdict(Shown):
     gross_errors: Mapping[str, Sequence[int]] = field(default_factory=dict)
     far_off: Sequence[Mapping[str, Any]] = ()
     preliminary: Mapping[str, Any] = field(default_factory=dict)
-    notes: Sequence[Mapping[str, Any]] = field(default_factory=list)
+    notes: Sequence[Note] = field(default_factory=list)
     what_now: Sequence[Mapping[str, Any]] = field(default_factory=list)
     messages: Mapping[str, Message] = field(default_factory=dict)
 
@@ -254,6 +254,7 @@ class Verdict(Shown):
                 values[name] = EffectSize.from_dict(values[name])
         values["session"] = tuple(values["session"])
         values["far_off"] = tuple(values["far_off"])
+        values["notes"] = [Note.from_dict(one) for one in values["notes"]]
         values["messages"] = {
             name: Message.from_dict(one) for name, one in values["messages"].items()
         }
@@ -494,7 +495,7 @@ def _no_answer(
     error: AnalysisError,
     measured: Measured,
     options: Options,
-    left_out: Notes,
+    left_out: Sequence[Note],
     foot_names: Sequence[str],
 ) -> Verdict:
     """Return the verdict on data that allow no number, and say why."""
@@ -502,12 +503,10 @@ def _no_answer(
     if not error.code:
         reason = str(error)
     said = Message("maps.no_answer", {"reason": reason})
-    note = {
-        "what": str(Message("maps.verdict_what")),
-        "reason": str(error),
-        "code": error.code or said.code,
-        "values": dict(reason.values) if error.code else {"reason": reason},
-    }
+    about = str(Message("maps.verdict_what"))
+    note = Note(about, str(error), said.code, said.values)
+    if error.code:
+        note = Note(about, str(error), error.code, reason.values)
     messages = {"sentence": said}
     known_so_far: dict[str, Any] = {}
     far_off = dict(getattr(error, "left_out", {}))

@@ -1,11 +1,9 @@
 """The notes of a verdict: what limits the answer, and what was done about it."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from hopdata.arrays import BoolArray
 from hopdata.feet import with_foot_names
-from hopdata.maps.draws import Notes
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.data import Measured
 from hopdata.maps.verdict.growth import Growth
@@ -18,6 +16,7 @@ from hopdata.maps.verdict.sizes import Sizes
 from hopdata.maps.verdict.smooth import Curvature
 from hopdata.maps.verdict.words import percent
 from hopdata.messages import Message
+from hopdata.notes import Note
 
 #: Kinks that averaging makes fainter than this are noted.
 #: Unit: 1. Origin: chosen.
@@ -62,7 +61,7 @@ ERRORS_UNKNOWN_CODE = "maps.errors_unknown"
 TWO_KINDS = str(Message(f"{TWO_KINDS_CODE}_what"))
 
 
-def left_out(known: BoolArray) -> Notes:
+def left_out(known: BoolArray) -> list[Note]:
     """Return a note on the landings of which something is not known, if any."""
     unknown = int((~known).sum())
     if not unknown:
@@ -70,7 +69,7 @@ def left_out(known: BoolArray) -> Notes:
     return [_note("left_out", unknown=unknown, landings=len(known))]
 
 
-def gross_errors(sound: rows.Sound) -> Notes:
+def gross_errors(sound: rows.Sound) -> list[Note]:
     """Return a note on the landings that are left out as far off, if there are any."""
     if not sound.left_out:
         return []
@@ -91,21 +90,21 @@ def gross_errors(sound: rows.Sound) -> Notes:
     ]
 
 
-def far_off_kept(*, keep: bool) -> Notes:
+def far_off_kept(*, keep: bool) -> list[Note]:
     """Return a note that landings were kept however far off they are, if they were."""
     if not keep:
         return []
     return [_note("far_off_kept")]
 
 
-def what_limits(reading: Reading, *, jumps: bool) -> Notes:
+def what_limits(reading: Reading, *, jumps: bool) -> list[Note]:
     """Return notes on what limits the answer, and on what was done about it.
 
     `jumps` tells whether a jump decided, beside which sizes of kinks do not matter.
     """
     landings = reading.landings
     fit = reading.fit
-    notes = []
+    notes: list[Note] = []
     share = f"{100 * landings.foretold:.1f} %"
     hidden = int((~landings.kept).sum())
     if hidden:
@@ -137,14 +136,14 @@ def what_limits(reading: Reading, *, jumps: bool) -> Notes:
     return notes
 
 
-def _of_third(fit: KinkFit, bent: float, allowed: str) -> dict[str, Any]:
+def _of_third(fit: KinkFit, bent: float, allowed: str) -> Note:
     """Return the note on what third orders leave, with why they leave so much."""
     if fit.wants_landings(bent):
         return _note("few_for_third", allowed=allowed)
     return _note("contacts_far_apart", allowed=allowed)
 
 
-def curved(curvature: Curvature | None) -> Notes:
+def curved(curvature: Curvature | None) -> list[Note]:
     """Return a note on a map that is strongly curved over the landings, if it is."""
     if curvature is None:
         return []
@@ -157,7 +156,7 @@ def curved(curvature: Curvature | None) -> Notes:
     return [_note("strongly_curved", **values)]
 
 
-def _of_unknown_errors(reading: Reading) -> Notes:
+def _of_unknown_errors(reading: Reading) -> list[Note]:
     """Return a note on a reading of errors and of posture, if that matters."""
     of_errors, of_posture = reading.parts
     sizes = {
@@ -181,7 +180,7 @@ def fades(growth: Growth | None) -> bool:
     return growth is not None and growth.low > GROWS
 
 
-def grows(growth: Growth | None) -> Notes:
+def grows(growth: Growth | None) -> list[Note]:
     """Return a note on a difference that grows with the time between contacts, if any.
 
     `growth` is that of a difference that was found; None if it was not looked for.
@@ -198,7 +197,7 @@ def grows(growth: Growth | None) -> Notes:
     return []
 
 
-def pooled(measured: Measured) -> Notes:
+def pooled(measured: Measured) -> list[Note]:
     """Return a note on landings that seem to be of more bodies, and have no blocks."""
     if measured.blocks is not None:
         return []
@@ -207,7 +206,7 @@ def pooled(measured: Measured) -> Notes:
     return []
 
 
-def bends_like_jumps(sizes: Sizes) -> Notes:
+def bends_like_jumps(sizes: Sizes) -> list[Note]:
     """Return a note on a jump that may be a bend, if any."""
     if sizes.jump is None:
         return []
@@ -218,7 +217,7 @@ def bends_like_jumps(sizes: Sizes) -> Notes:
     return []
 
 
-def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> Notes:
+def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> list[Note]:
     """Return a note on orders with a map of their own that no kink or jump shows."""
     found = []
     for effect in effects:
@@ -229,11 +228,5 @@ def own_maps(effects: Sequence[PairEffect], names: Sequence[str] = ()) -> Notes:
     return [_note("own_map", orders=", ".join(found))]
 
 
-def _note(name: str, **values: Any) -> dict[str, Any]:
-    reason = Message(f"maps.{name}", values)
-    return {
-        "what": str(Message(f"maps.{name}_what")),
-        "reason": str(reason),
-        "code": reason.code,
-        "values": values,
-    }
+def _note(name: str, **values: object) -> Note:
+    return Note.of(f"maps.{name}", **values)
