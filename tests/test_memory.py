@@ -13,7 +13,8 @@ from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections import densities
-from hopdata.landings.sections.select import section_densities, select_sections
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.sections.tables import section_densities
 from hopdata.landings.stability import section_stability
 from hopdata.landings.states import coefficients, fits, tracks
 from hopdata.landings.states.assemble import assemble_pairs

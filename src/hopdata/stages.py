@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from hopdata.landings.floor_surface import FloorModel
-    from hopdata.landings.sections.select import Sections
+    from hopdata.landings.sections.poincare import Sections
     from hopdata.landings.states.pairs import Pairs
     from hopdata.maps.verdict.judge import Verdict
     from hopdata.recording import Recording
@@ -52,7 +52,7 @@ FLOOR = Kind(
 SECTIONS = Kind(
     write="hopdata.jobs:write_fields",
     read="hopdata.jobs:read_json",
-    restore="hopdata.landings.sections.select:Sections.from_dict",
+    restore="hopdata.landings.sections.poincare:Sections.from_dict",
 )
 PAIRS = Kind(
     write="hopdata.landings.states.pairs:write_pairs",
@@ -228,11 +228,11 @@ def section_densities(
     nodes: int = key("sections.grid_nodes"),
 ) -> SectionDensities:
     """Tabulate the densities of heights that show where the sections lie (Fig. 2.2)."""
-    from hopdata.landings.sections import select
+    from hopdata.landings.sections import tables
 
     recordings = [*level.values()]
-    densities = select.section_densities(recordings, sections, contacts, nodes=nodes)
-    frames = select.section_frames(recordings, sections)
+    densities = tables.section_densities(recordings, sections, contacts, nodes=nodes)
+    frames = tables.section_frames(recordings, sections)
     return SectionDensities(densities, frames)
 
 

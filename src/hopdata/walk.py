@@ -36,7 +36,7 @@ from hopdata.stages import LINE
 
 if TYPE_CHECKING:
     from hopdata.landings.floor_surface import FloorModel
-    from hopdata.landings.sections.select import Sections
+    from hopdata.landings.sections.poincare import Sections
     from hopdata.landings.states.pairs import Pairs
     from hopdata.maps.verdict.judge import Verdict
     from hopdata.truth import Truth

@@ -20,7 +20,8 @@ from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.sections.select import Sections, select_sections
+from hopdata.landings.sections.poincare import Sections
+from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table

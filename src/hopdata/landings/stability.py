@@ -14,7 +14,8 @@ from hopdata.arrays import SD_PER_MAD, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_study_landings
 from hopdata.landings.sections.frames import heights_of
-from hopdata.landings.sections.select import Sections, select_sections
+from hopdata.landings.sections.poincare import Sections
+from hopdata.landings.sections.select import select_sections
 from hopdata.recording import Recording
 
 # Quantities that should not change between recordings, or within a single one, each

@@ -70,17 +70,17 @@ def draw(tables: Mapping[str, pd.DataFrame]) -> Mapping[str, Figure]:
 
 def _tables(both: Both) -> dict[str, pd.DataFrame]:
     """Return what the figures draw, by both methods."""
-    from hopdata.landings.sections import select
+    from hopdata.landings.sections.tables import section_densities, section_frames
 
     tables = {}
     rows = []
     for name, found in (("printed", both.printed), ("ours", both.ours)):
         chosen = found.sections
         recordings = found.recordings
-        tables[f"{name}_densities"] = select.section_densities(
+        tables[f"{name}_densities"] = section_densities(
             recordings, chosen, found.contacts
         )
-        tables[f"{name}_frames"] = select.section_frames(
+        tables[f"{name}_frames"] = section_frames(
             recordings, chosen, max_rows=SHOWN_FRAMES
         )
         rows.append(

@@ -24,7 +24,7 @@ from hopdata.landings.sections.from_landings import (
     heights_at_contacts,
     heights_from_landings,
 )
-from hopdata.landings.sections.select import FRAMES
+from hopdata.landings.sections.poincare import FRAMES
 from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth import maps
 from hopdata.maps.truth.maps import Entries, entry, mean
