@@ -22,6 +22,7 @@ SHARED = {
     "digests",
     "errors",
     "feet",
+    "given",
     "interchange",
     "jobs",
     "messages",

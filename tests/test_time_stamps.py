@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from hopdata.time_stamps import printed_digit, rate_of, settle
+from hopdata.errors import RecordingError
+from hopdata.time_stamps import (
+    printed_digit,
+    rate_of,
+    require_stamps,
+    settle,
+    times_and_rate,
+)
 
 
 @pytest.mark.parametrize("rate_hz", [50, 100, 120, 150, 180, 240, 300, 360])
@@ -105,3 +112,19 @@ def test_numbers_of_no_frame_have_no_rate():
 def test_stamps_of_clocks_that_began_long_ago_have_a_rate(begin_s):
     number = np.arange(200.0)
     assert rate_of(begin_s + number / 50, number) == pytest.approx(50, rel=1e-2)
+
+
+def test_stamps_of_frames_increase_by_less_than_half_a_second():
+    require_stamps(np.arange(5) / 100)
+    for wrong in (np.zeros(1), np.array([0.0, 0.1, 0.1]), np.arange(5.0)):
+        with pytest.raises(RecordingError, match="two frames or more"):
+            require_stamps(wrong)
+
+
+def test_rounded_stamps_are_put_back_on_their_grid_and_uneven_ones_kept():
+    exact = np.arange(300) / 120
+    time, rate_hz = times_and_rate(np.round(exact, 3))
+    np.testing.assert_allclose(time, exact, atol=1e-9)
+    assert rate_hz == pytest.approx(120.0)
+    uneven = exact + 0.003 * np.sin(np.arange(300))
+    assert times_and_rate(uneven)[0] is uneven

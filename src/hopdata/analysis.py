@@ -24,6 +24,7 @@ from hopdata.errors import (
     told_call,
     told_options,
 )
+from hopdata.given import marker_names, numbers
 from hopdata.messages import Message
 from hopdata.reading import (
     ROLES,
@@ -34,7 +35,7 @@ from hopdata.reading import (
     landing_apart,
     not_guessed,
 )
-from hopdata.recording import Recording, marker_names, numbers, place_of
+from hopdata.recording import Recording, place_of
 from hopdata.stages import LINE
 from hopdata.truth import Truth
 from hopdata.walk import Contents, Progress, Study

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.config.loading import check_keys, section_names
 from hopdata.errors import ArgumentError, RecordingError, told_call, told_options
+from hopdata.given import feet_and_joined, marker_names
 from hopdata.messages import Message
-from hopdata.recording import Recording, feet_and_joined, marker_names, place_of
+from hopdata.recording import Recording, place_of
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.guess import Guess

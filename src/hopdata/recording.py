@@ -19,8 +19,9 @@ from hopdata.errors import (
     require_choice,
     told_call,
 )
+from hopdata.given import feet_and_joined, marker_names, numbers
 from hopdata.scale import median_offset, sampled, scale_of
-from hopdata.time_stamps import rate_of, settle
+from hopdata.time_stamps import require_stamps, times_and_rate
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,6 @@ class Event:
     label: str
     time_s: float
 
-
-#: Longest median time between frames; a longer one suggests times in milliseconds.
-#: Unit: s. Origin: chosen.
-SLOWEST_S = 0.5
 
 #: Suffixes of the files of `Recording.save`.
 HDF5 = (".h5", ".hdf5")
@@ -289,14 +286,14 @@ class Recording(Shown):
     ) -> Self:
         """Return a recording of the parts that `hopdata.interchange` returns."""
         time = parts["time"]
-        _check_stamps(time)
+        require_stamps(time)
         markers = marker_names("markers", parts["markers"])
         roles = interchange.roles_of(parts, markers)
         for role in roles:
             require_choice("role", role, ROLES)
         rate_hz = interchange.rate_that_fits(time, parts.get("rate_hz"))
         if rate_hz is None:
-            time, rate_hz = _settled(time)
+            time, rate_hz = times_and_rate(time)
         found = cls(
             name=name or parts.get("name", "recording"),
             time=time,
@@ -517,7 +514,7 @@ class Recording(Shown):
         of_foot = marker_names("feet", feet)
         of_body = marker_names("body", body)
 
-        _check_stamps(stamps)
+        require_stamps(stamps)
         shape = (len(stamps), len(known), 3)
         if places.shape != shape:
             raise RecordingError.at(
@@ -530,8 +527,8 @@ class Recording(Shown):
 
         role = dict.fromkeys(of_foot, "foot") | dict.fromkeys(of_body, "body")
         roles = tuple(role.get(name, "other") for name in known)
-        settled, rate_hz = _settled(stamps)
-        return cls(name, settled, places, known, roles, rate_hz)
+        frame_times, rate_hz = times_and_rate(stamps)
+        return cls(name, frame_times, places, known, roles, rate_hz)
 
     def indices(self, role: str) -> list[int]:
         """Return the indices of the markers with this role, in order."""
@@ -681,57 +678,6 @@ def place_of(recording: Recording) -> str:
     return recording.source or f"recording '{recording.name}'"
 
 
-def feet_and_joined(
-    feet: Iterable[str] | Mapping[str, Iterable[str]],
-) -> tuple[tuple[str, ...], tuple[tuple[str, tuple[str, ...]], ...]]:
-    """Return the markers of feet, and which of them are on one foot."""
-    if not isinstance(feet, Mapping):
-        return marker_names("feet", feet), ()
-    markers: list[str] = []
-    joined = []
-    for foot, names in feet.items():
-        own = marker_names(f"feet.{foot}", names)
-        if not own:
-            raise RecordingError.at(f"feet.{foot}", "a marker or several", "none")
-        markers += own
-        if own != (foot,):
-            joined.append((str(foot), own))
-    return marker_names("feet", markers), tuple(joined)
-
-
-def _check_stamps(stamps: FloatArray) -> None:
-    """Require two time stamps, s, or more that increase as those of frames do."""
-    steps = np.empty(0)
-    if stamps.ndim == 1 and len(stamps) > 1:
-        steps = np.diff(stamps)
-    if len(steps) and (steps > 0).all() and not np.median(steps) > SLOWEST_S:
-        return
-    frame = 0
-    if len(steps):
-        frame = 1 + int(np.argmin(steps > 0))
-    around = stamps.flat[max(frame - 1, 0) : frame + 1]
-    raise RecordingError.at(
-        "time",
-        "two frames or more, (N,), s, each later than the one before by at most "
-        f"{SLOWEST_S} s",
-        f"shape {stamps.shape}, {around} at frame {frame}",
-    )
-
-
-def _settled(stamps: FloatArray) -> tuple[FloatArray, float]:
-    """Return the times of frames, s, and their rate, Hz.
-
-    Stamps that are even except for rounding are put back on their grid.
-    """
-    number = np.arange(1.0, len(stamps) + 1)
-    rate_hz = rate_of(stamps, number)
-    grid, remarks = settle("time", stamps, number, rate_hz or np.nan)
-    is_even = not remarks and grid is not stamps
-    if is_even:
-        return grid, rate_hz or np.nan
-    return stamps, rate_of(stamps, number, whole=False) or np.nan
-
-
 def _together(markers: list[int]) -> list[int] | slice:
     """Return the indices of adjacent markers as a slice, which copies no frames."""
     if not markers:
@@ -740,38 +686,6 @@ def _together(markers: list[int]) -> list[int] | slice:
     if markers != list(side_by_side):
         return markers
     return slice(side_by_side.start, side_by_side.stop)
-
-
-def numbers(key: str, values: ArrayLike) -> FloatArray:
-    """Return an argument as an array of floats.
-
-    Raises
-    ------
-    ArgumentError
-        If it is none; the message begins with the argument's name.
-    """
-    try:
-        return np.ma.asarray(values, float).filled(np.nan)
-    except (TypeError, ValueError) as error:
-        first_sentence = str(error).partition(". ")[0]
-        raise ArgumentError.at(key, "an array of numbers", first_sentence) from None
-
-
-def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
-    """Return a list of distinct names as a tuple.
-
-    Raises
-    ------
-    RecordingError
-        If it is anything else; the message begins with the key.
-    """
-    is_list = isinstance(names, Iterable) and not isinstance(names, str)
-    found = tuple(names) if is_list else ()
-    if not is_list or not all(isinstance(name, str) for name in found):
-        raise RecordingError.at(key, "a list of marker names", f"{names!r}")
-    if len(set(found)) < len(found):
-        raise RecordingError.at(key, "each name once", ", ".join(found))
-    return found
 
 
 # Between the files of one recording, and between their digests.

@@ -3,6 +3,7 @@
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.errors import RecordingError
 
 #: Largest deviation of time stamps from a grid of which they are rounded values.
 #: Unit: frames. Origin: chosen.
@@ -38,6 +39,10 @@ FARTHEST = 1e30
 #: Time from the first stamp to the last that is none of a clock, likewise.
 #: Unit: s. Origin: chosen.
 BRIEFEST_S = 1e-30
+
+#: Longest median time between frames; a longer one suggests times in milliseconds.
+#: Unit: s. Origin: chosen.
+SLOWEST_S = 0.5
 
 # Decimal places of the finest stamps and rates that are looked for: 1 us.
 _MOST_DECIMALS = 6
@@ -218,3 +223,36 @@ def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
 def is_pause(time: FloatArray, rate_hz: float) -> BoolArray:
     """Tell which steps of time stamps (N,), s, are pauses of the recording (N - 1,)."""
     return np.asarray(np.diff(time) > PAUSE_S - 0.5 / rate_hz)
+
+
+def require_stamps(stamps: FloatArray) -> None:
+    """Require two time stamps, s, or more that increase as those of frames do."""
+    steps = np.empty(0)
+    if stamps.ndim == 1 and len(stamps) > 1:
+        steps = np.diff(stamps)
+    if len(steps) and (steps > 0).all() and not np.median(steps) > SLOWEST_S:
+        return
+    frame = 0
+    if len(steps):
+        frame = 1 + int(np.argmin(steps > 0))
+    around = stamps.flat[max(frame - 1, 0) : frame + 1]
+    raise RecordingError.at(
+        "time",
+        "two frames or more, (N,), s, each later than the one before by at most "
+        f"{SLOWEST_S} s",
+        f"shape {stamps.shape}, {around} at frame {frame}",
+    )
+
+
+def times_and_rate(stamps: FloatArray) -> tuple[FloatArray, float]:
+    """Return the times of frames, s, and their rate, Hz.
+
+    Stamps that are even except for rounding are put back on their grid.
+    """
+    number = np.arange(1.0, len(stamps) + 1)
+    rate_hz = rate_of(stamps, number)
+    grid, remarks = settle("time", stamps, number, rate_hz or np.nan)
+    is_even = not remarks and grid is not stamps
+    if is_even:
+        return grid, rate_hz or np.nan
+    return stamps, rate_of(stamps, number, whole=False) or np.nan

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError, require
+from hopdata.given import numbers
 from hopdata.maps.verdict import inputs, rows
 from hopdata.maps.verdict.session import Session
-from hopdata.recording import numbers
 
 
 @dataclass(frozen=True)

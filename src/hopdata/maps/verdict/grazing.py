@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.recording import numbers
+from hopdata.given import numbers
 
 #: Terms of the smooth map that a bend is held against.
 #: Unit: 1. Origin: derived: the verdict's smooth terms are cubic.

@@ -17,10 +17,11 @@ from hopdata.errors import HopdataError, RecordingError
 from hopdata.foreign import door
 from hopdata.foreign.plugins import plugins
 from hopdata.messages import Message
-from hopdata.recording import SLOWEST_S, Event
+from hopdata.recording import Event
 from hopdata.recordings import raw as reading
 from hopdata.recordings.budget import unpacked_mb
 from hopdata.recordings.readers.text import one_line, require_file
+from hopdata.time_stamps import SLOWEST_S
 
 #: Coordinate beyond which a file is refused.
 #: Unit: that of the file, mm or m. Origin: chosen. Beyond the range of any camera.

@@ -22,7 +22,7 @@ from hopdata.arrays import h5py
 from hopdata.errors import RecordingError
 from hopdata.foreign import door
 from hopdata.jobs import whole_file
-from hopdata.recording import ROLES, SLOWEST_S, Event, Recording
+from hopdata.recording import ROLES, Event, Recording
 from hopdata.recordings.axes import FILE_AXES
 from hopdata.recordings.raw import FASTEST_HZ
 from hopdata.recordings.readers.hdf5_checks import (
@@ -31,6 +31,7 @@ from hopdata.recordings.readers.hdf5_checks import (
     whole_array,
 )
 from hopdata.seal import Seal, seal_of, sealed
+from hopdata.time_stamps import SLOWEST_S
 from hopdata.truth import Truth, check_sizes
 
 # Datasets and attributes of an HDF5 group are refused unless they are of the expected
