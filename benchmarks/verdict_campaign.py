@@ -58,18 +58,16 @@ import pandas as pd
 from bodies import (
     CHOOSE,
     JUMPING,
-    MECHANISMS,
     REPORT,
     SATURATING,
     SESSIONS,
     Body,
     Landings,
-    Seen,
-    Study,
     Truth,
     body_of_size,
-    study,
 )
+from body_motion import MECHANISMS
+from body_seen import Seen, Study, study
 from statsmodels.stats.proportion import proportion_confint
 from verdict_rivals import RIVALS, rivals
 

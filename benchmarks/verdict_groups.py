@@ -42,7 +42,7 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from bodies import Seen, study
+from body_seen import Seen, study
 from campaigns import run
 from scipy.stats import binom, t
 from verdict_campaign import asked, cell, moved, source

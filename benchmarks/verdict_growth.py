@@ -49,7 +49,8 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from bodies import Landings, Seen, study
+from bodies import Landings
+from body_seen import Seen, study
 from campaigns import read_options, run, write_table
 from fading import DELAYS, SHAPES, fading_landings
 from verdict_campaign import asked, cell, moved, source

@@ -3,10 +3,11 @@
 import os
 from dataclasses import fields, replace
 
-import bodies
 import numpy as np
 import pytest
-from bodies import FAULTS, LEGS, SATURATING, SESSIONS, Body, Seen, body_of_size, study
+from bodies import SATURATING, SESSIONS, Body, body_of_size
+from body_motion import GRAVITY, LEGS, rotation
+from body_seen import FAULTS, Seen, study
 
 from hopdata.maps.coordinates import rigid_states, section_coordinates
 from hopdata.maps.truth.maps import marker_motions, marker_states
@@ -103,11 +104,11 @@ def test_contacts_and_feet_are_where_the_states_say():
     rows = np.arange(len(first))
     foot = seen.feet[rows, first]
     state = landings.inputs
-    turns = [bodies.rotation(0.0, pitch, roll) for pitch, roll in state[:, :2]]
+    turns = [rotation(0.0, pitch, roll) for pitch, roll in state[:, :2]]
     spin = np.einsum("nij,nj->ni", turns, state[:, 5:8])
     falling = state[:, 4] + np.cross(spin, foot)[:, 2]
     t = seen.instants[rows, first]
-    fall = body.top_m + foot[:, 2] + falling * t - 0.5 * bodies.GRAVITY * t**2
+    fall = body.top_m + foot[:, 2] + falling * t - 0.5 * GRAVITY * t**2
     np.testing.assert_allclose(fall, 0.0, atol=3e-4)  # the body goes on turning
     # The verdict finds the very inputs and outcomes in the marker states.
     x, y = section_coordinates(

@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import verdict_campaign
-from bodies import MECHANISMS, REPORT, Body, Seen, study
+from bodies import REPORT, Body
+from body_motion import MECHANISMS
+from body_seen import Seen, study
 from verdict_campaign import (
     COLUMNS,
     all_cells,
