@@ -40,7 +40,7 @@ import os
 import re
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from hashlib import sha256
 from itertools import product
@@ -50,13 +50,21 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from scipy.signal import butter, sosfiltfilt
+from observed_landings import (
+    NO_HEIGHT_M,
+    Apexes,
+    apexes_of,
+    see_landings,
+    states_at,
+    tracks_of,
+    true_states,
+)
 from statsmodels.stats.proportion import proportion_confint
+from verdict_kinds import HOPPER_SECTIONS, WHOLE, Kind, kinds
 
 from hopdata.errors import AnalysisError
-from hopdata.hybrid import System, solve_batch
 from hopdata.jobs import whole_file
-from hopdata.landings.states.fits import WINDOWS_S, section_states
+from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.maps.coordinates import kinks
 from hopdata.maps.draws import named_generator
 from hopdata.maps.truth.maps import input_root, marker_motions
@@ -78,217 +86,38 @@ from hopdata.maps.verdict.inputs import (
 )
 from hopdata.maps.verdict.model import KinkFit, fit_kinks
 from hopdata.maps.verdict.session import Session
-from hopdata.scenes.body import N_STATES
-from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.quadruped import Quadruped
-from hopdata.scenes.scene import Control, Scene
-from hopdata.synthesis.camera import fixed_markers
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.exact_maps import section_jacobians
-from hopdata.synthesis.hops import Hop, padded
 from hopdata.synthesis.landings import (
-    NOT_YET,
     SectionHeights,
     TrueLandings,
     input_coordinates,
-    landing_system,
-    landing_vectors,
     true_landings,
 )
-from hopdata.synthesis.trial import Kicks, MarkerOptions, Trial, run_trial
-
-# Landings as motion capture would see them, without the rest of the recordings.
-#
-# The robot's true motion about each landing is sampled at random phases of the frames,
-# with noise, and goes through the same fits as a recording. As in a recording, frames
-# beyond the measured contacts are left out. Thus errors of the states have the size and
-# correlations that they have in the pipeline, at a small part of its cost.
-
-APART_S = 1.0
-
-
-@dataclass(frozen=True)
-class SeenLandings:
-    """Marker states (n, 6B) before and after, m and m/s, and contact instants (n, feet), s.
-
-    `rows` (n,) are the indices of these landings among those to be observed.
-    """
-
-    before: np.ndarray
-    after: np.ndarray
-    instants: np.ndarray
-    rows: np.ndarray
-
-
-def see_landings(
-    times: np.ndarray,
-    motion: np.ndarray,
-    landings: TrueLandings,
-    sections: SectionHeights,
-    *,
-    noise_m: float,
-    instant_noise_s: float,
-    rng: np.random.Generator,
-    spoil: Callable[[np.ndarray], np.ndarray] | None = None,
-) -> SeenLandings:
-    """Observe L whole landings as those of one recording, frame by frame.
-
-    Landings whose states cannot be fitted are left out. `times` (L, W), s, and `motion`
-    (L, W, 12) come from `true_states` and extend beyond the post section
-    (`landings.states.fits.WINDOWS_S`). `spoil` is a further disturbance of the tracks
-    (L, W, B, 3).
-    """
-    tracks = tracks_of(motion, sections.points_m)
-    tracks += noise_m * rng.standard_normal(tracks.shape)
-    tracks = tracks if spoil is None else spoil(tracks)
-    contact = landings.contact_s
-    seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
-    start = APART_S * np.arange(len(times))
-
-    def states(
-        side: str, at_s: np.ndarray, contact_s: np.ndarray, height_m: float
-    ) -> np.ndarray:
-        found = section_states(
-            (start[:, None] + times).ravel(),
-            tracks.reshape(-1, *tracks.shape[2:]),
-            start + at_s,
-            height_m=height_m,
-            side=side,
-            contact=start + contact_s,
-        )
-        both = np.concatenate([found.position, found.velocity], axis=1)
-        return both.reshape(len(both), -1)
-
-    before = states("before", landings.pre_time_s, seen.min(axis=1), sections.pre_m)
-    after = states("after", landings.post_time_s, seen.max(axis=1), sections.post_m)
-    rows = np.flatnonzero(np.isfinite(np.hstack([before, after])).all(axis=1))
-    return SeenLandings(before[rows], after[rows], seen[rows], rows)
-
-
-# States of a simulated body about each landing, frame by frame.
-#
-# The robot itself is integrated from an apex through the landing and beyond. Before the
-# apex, where a recording shows the robot without that apex's kick, it is integrated
-# backwards: a flight reversed in time is a flight. (A control is led to the apexes of
-# the hopper's gait, so this is the gait's own flight.)
-
-PHASES = 16  # of the frames; each landing has one of them
-BACK_S = 0.14  # before the apex; the flight lasts about 0.15 s there
-RTOL, ATOL = 1e-6, 1e-9
-NO_HEIGHT_M = -1e3  # of a section that is never reached
-SECTION_HOPS, SECTION_MS = (
-    300,
-    700,
-)  # hops and duration, ms, from which sections are found
-
-
-@dataclass(frozen=True)
-class Apexes:
-    """Starts of L landings: states (L, 12) before and after the kick, preloads (L, n), N."""
-
-    before: np.ndarray
-    after: np.ndarray
-    preloads_n: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.after)
-
-    def some(self, rows: np.ndarray) -> Apexes:
-        """Return the given rows."""
-        return Apexes(self.before[rows], self.after[rows], self.preloads_n[rows])
-
-
-def apexes_of(trial: Trial) -> Apexes:
-    """Return the apexes of a trial whose landings stood and that it reached by free flight."""
-    starts = np.asarray(trial.hop_start_s)
-    ends = starts + [hop.end_time_s for hop in trial.hops]
-    flown = np.isclose(ends[:-1], starts[1:], rtol=0.0, atol=1e-9)
-    pairs = zip(trial.hops[:-1], trial.hops[1:], flown, strict=True)
-    kept = [(old, new) for old, new, joined in pairs if joined and _stood(new)]
-    return Apexes(
-        np.array([old.end_state for old, _ in kept]),
-        np.array([new.start_state for _, new in kept]),
-        np.array([new.preloads_n for _, new in kept]),
-    )
-
-
-def true_states(
-    scene: Scene,
-    control: Control,
-    apexes: Apexes,
-    *,
-    until_s: float,
-    rate_hz: float,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (L, W) from the apexes, s, at random phases, and the states (L, W, 12).
-
-    States are NaN from the next apex on.
-    """
-    count = round((BACK_S + until_s) * rate_hz)
-    back = round(BACK_S * rate_hz)
-    phases = rng.uniform(0.0, 1.0 / rate_hz, PHASES)
-    group = rng.integers(0, PHASES, len(apexes))
-    times = (np.arange(count) - back) / rate_hz + phases[group][:, None]
-    states = np.full((*times.shape, N_STATES), np.nan)
-    for number in np.flatnonzero(np.bincount(group, minlength=PHASES)):
-        rows = np.flatnonzero(group == number)
-        states[rows] = states_at(scene, control, apexes.some(rows), times[rows[0]])
-    return times, states
-
-
-def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
-    """Return noise-free markers (L, W, B, 3), m, for states (L, W, 12)."""
-    flat = fixed_markers(states.reshape(-1, N_STATES), points_m)
-    return flat.reshape(*states.shape[:2], *points_m.shape)
-
-
-def states_at(
-    scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray
-) -> np.ndarray:
-    """Return states (L, W, 12) at increasing times (W,) relative to the apex, s."""
-    vectors = landing_vectors(
-        scene, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
-    )
-    own = scene.system(control)
-    early = times_s < 0
-    back = _turned_round(
-        _flown(own, _turned_round(apexes.before), vectors, -times_s[early][::-1])
-    )
-    ahead = _flown(own, apexes.after, vectors, times_s[~early])
-    return np.concatenate([back[:, ::-1], ahead], axis=1)
-
-
-def _flown(
-    own: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray
-) -> np.ndarray:
-    system = landing_system(own)
-    unknown = np.full((len(states), system.n_states - own.n_states), NOT_YET)
-    solution = solve_batch(
-        system, (0.0, float(times_s[-1])), np.hstack([padded(states, own), unknown]),
-        params=vectors,
-        mode=[0] * system.n_modes, rtol=RTOL, atol=ATOL, t_eval=times_s, workers=1,
-    )  # fmt: skip
-    assert solution.y is not None
-    return np.moveaxis(solution.y[:, :N_STATES], 1, 2)
-
-
-def _turned_round(states: np.ndarray) -> np.ndarray:
-    return states * np.repeat([1.0, -1.0], 6)
-
-
-def _stood(hop: Hop) -> bool:
-    return hop.all_stood() and not hop.fell
-
-
-# Whole studies.
+from hopdata.synthesis.trial import run_trial
 
 FIRST_SEED = 9100
-GAIT_HOPS, TRIALS = 2000, 4
+
+# Hops of the gait from which apexes are drawn, and the trials that they are of.
+GAIT_HOPS = 2000
+TRIALS = 4
+
+# Hops, and milliseconds of each, from which sections are found.
+SECTION_HOPS = 300
+SECTION_MS = 700
+
 INSTANT_NOISE_S = 0.0006
-FEWEST, FEW, WHOLE = 500, 1000, 2100
-JOINED = (5, 10)  # numbers of studies joined into larger ones, 2,000 landings each
-BODIES = range(9500, 9532)  # numbers from which hoppers of other shapes are drawn
-GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16, 30), 400
+
+# Landings that are judged together, beside all of a study (`WHOLE`).
+FEWEST = 500
+FEW = 1000
+# Numbers of studies joined into larger ones, 2,000 landings each.
+JOINED = (5, 10)
+
+# Groups of each kind, the numbers of their subjects, and the landings of a subject.
+GROUPS = 40
+SUBJECTS = (4, 8, 16, 30)
+SUBJECT_LANDINGS = 400
 GROUP_KINDS = (
     *(
         "C1",
@@ -303,170 +132,6 @@ GROUP_KINDS = (
 MIXED = ("C1", "kappa 0.1")
 PROMISED = ("kappa 0.1", "eps 0.2", "tau 10 ms")
 OBSERVED = ("before", "after", "instants")
-
-HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
-FOUR_MARKERS = [
-    [0.2, 0.03, 0.05],
-    [-0.05, 0.12, 0.075],
-    [-0.2, -0.07, 0.055],
-    [0.06, -0.1, 0.09],
-]
-QUADRUPED_SECTIONS = SectionHeights(0.511, 0.2935, np.array(FOUR_MARKERS))
-TWO = HopperParameters(n_legs=2)
-STIFF_TWO = HopperParameters(
-    n_legs=2, stiffness_n_m=135.0, damping_n_s_m=7.2, preload_n=33.0
-)
-SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, damping_n_s_m=2.4, preload_n=11.0)
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A body with its disturbances and control, and how it is observed."""
-
-    scene: Scene = field(default_factory=HopperParameters)
-    sections: SectionHeights | None = field(
-        default=HOPPER_SECTIONS
-    )  # None: found from its gait
-    kicks: Kicks = field(default_factory=Kicks)
-    control: Control = field(default_factory=Control)
-    noise_m: float = 0.0006
-    rate_hz: float = 100.0
-    hops: int = WHOLE
-    spoil: Callable[[np.ndarray, np.random.Generator, float], np.ndarray] | None = None
-    relabel: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None
-    thinned: bool = False
-    moves_as: str = ""  # the kind with the same true motions, observed in another way
-    led_by: Scene | None = (
-        None  # a body that supplies the apexes, if this one falls over
-    )
-
-    @property
-    def strength(self) -> float:
-        """The one strength that is not zero, or zero; a delay in ms."""
-        return (
-            self.control.coupling or self.control.impulse or 1e3 * self.control.delay_s
-        )
-
-
-def low_passed(
-    tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float
-) -> np.ndarray:
-    """Filter as gait laboratories do: Butterworth, 20 Hz, forward and backward."""
-    sos = butter(2, 20.0, fs=rate_hz, output="sos")
-    whole = np.isfinite(tracks).all(axis=(0, 2, 3))
-    tracks = tracks.copy()
-    tracks[:, whole] = sosfiltfilt(sos, tracks[:, whole], axis=1)
-    return tracks
-
-
-def drifted(
-    tracks: np.ndarray, _rng: np.random.Generator, _rate_hz: float
-) -> np.ndarray:
-    """Let the cameras' height drift by 4 mm, once up and down over the study."""
-    phase = 2 * np.pi * np.arange(len(tracks)) / len(tracks)
-    return tracks + 0.004 * np.sin(phase)[:, None, None, None] * np.array(
-        [0.0, 0.0, 1.0]
-    )
-
-
-def correlated(
-    tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float
-) -> np.ndarray:
-    """Add noise of 0.6 mm with a correlation of 0.6 from frame to frame."""
-    steps = rng.standard_normal(tracks.shape)
-    for frame in range(1, tracks.shape[1]):
-        steps[:, frame] = 0.6 * steps[:, frame - 1] + 0.8 * steps[:, frame]
-    return tracks + 0.0006 * steps
-
-
-def heavy_tailed(
-    tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float
-) -> np.ndarray:
-    """Add noise of 0.6 mm from Student's t distribution with three degrees of freedom."""
-    return tracks + 0.0006 / np.sqrt(3) * rng.standard_t(3, tracks.shape)
-
-
-def swapped(instants: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Exchange the labels of two feet in 3 % of the landings."""
-    rows = np.flatnonzero(rng.random(len(instants)) < 0.03)
-    instants = instants.copy()
-    instants[rows, :2] = instants[rows, 1::-1]
-    return instants
-
-
-def other_body(number: int) -> HopperParameters:
-    """Draw a hopper of another shape: feet, mass, size, inertia, legs and height of its hops."""
-    draw = np.random.default_rng([78, number])
-    legs, mass = int(draw.integers(3, 5)), draw.uniform(1.8, 4.6)
-    share = mass / 2.3 * 3 / legs  # scales the legs to carry this body
-    inertia = 0.08 * mass / 2.3 * draw.uniform(0.4, 1.1)
-    stiffness, extension = (
-        90.0 * share * draw.uniform(0.7, 1.2),
-        draw.uniform(0.105, 0.13),
-    )
-    weight = (mass + HopperParameters().counterweight_mass_kg) * 9.81 / legs
-    return HopperParameters(
-        n_legs=legs, mass_kg=mass, foot_radius_m=draw.uniform(0.3, 0.5),
-        leg_length_m=draw.uniform(0.22, 0.36), stiffness_n_m=stiffness,
-        damping_n_s_m=4.8 * share * draw.uniform(0.8, 1.2), release_extension_m=extension,
-        preload_n=stiffness * extension + weight * draw.uniform(1.2, 1.4),
-        inertia_x_kg_m2=inertia, inertia_y_kg_m2=inertia, inertia_z_kg_m2=1.4 * inertia,
-    )  # fmt: skip
-
-
-def kinds() -> dict[str, Kind]:
-    """Return all kinds by name; those that begin with C1 have no difference."""
-    hopper, kicks, seen = HopperParameters(), Kicks(), Kind(moves_as="C1")
-    larger = replace(kicks, angular_velocity_rad_s=0.35)
-    quadruped = Kind(scene=Quadruped(), sections=QUADRUPED_SECTIONS)
-    same = {
-        "C1": Kind(),
-        "C1 twice the noise": replace(seen, noise_m=0.0012),
-        "C1 low-passed": replace(seen, spoil=low_passed),
-        "C1 drifting": replace(seen, spoil=drifted),
-        "C1 correlated noise": replace(seen, noise_m=0.0, spoil=correlated),
-        "C1 heavy tails": replace(seen, noise_m=0.0, spoil=heavy_tailed),
-        "C1 swapped labels": replace(seen, relabel=swapped),
-        "C1 a rare class": replace(seen, thinned=True),
-        "C1 at 60 Hz": Kind(rate_hz=60.0),
-        "C1 at 250 Hz": Kind(rate_hz=250.0),
-        "C1 softer legs": Kind(
-            scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)
-        ),
-        "C1 stiffer legs": Kind(
-            scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)
-        ),
-        "C1 larger kicks": Kind(kicks=larger),
-        "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
-        "C1 quadruped": quadruped,
-        "C1 two feet": Kind(scene=TWO, led_by=hopper),
-        "C1 two feet larger kicks": Kind(scene=TWO, led_by=hopper, kicks=larger),
-        "C1 two stiff feet": Kind(
-            scene=STIFF_TWO, led_by=hopper
-        ),  # the feet of config/biped.yaml
-        "C1 six feet": Kind(scene=SIX),
-    }
-    controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.1, 0.2, 0.4)}
-    controls |= {f"eps {e:g}": Control(impulse=e) for e in (0.1, 0.2, 0.3)}
-    controls |= {f"tau {1e3 * t:g} ms": Control(delay_s=t) for t in (0.005, 0.01)}
-    coupled = {
-        f"quadruped kappa {k:g}": replace(quadruped, control=Control(coupling=k))
-        for k in (0.1, 0.2)
-    }
-    of_feet = "two feet", "two feet larger kicks", "two stiff feet", "six feet"
-    coupled |= {
-        f"{name} kappa {k:g}": replace(same[f"C1 {name}"], control=Control(coupling=k))
-        for name, k in [*product(of_feet[:-1], (0.1, 0.3)), (of_feet[-1], 0.1)]
-    }
-    bodies = {f"body {n}": Kind(scene=other_body(n), sections=None) for n in BODIES}
-    same |= {f"C1 {name}": kind for name, kind in bodies.items()}
-    coupled |= {
-        f"{name} kappa 0.3": replace(kind, control=Control(coupling=0.3))
-        for name, kind in bodies.items()
-    }
-    weakest = {"kappa 0.05": Kind(control=Control(coupling=0.05), hops=2860)}
-    controlled = {name: Kind(control=control) for name, control in controls.items()}
-    return same | weakest | controlled | coupled
 
 
 def kept(file: Path, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:

@@ -9,18 +9,16 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
-from velocities import POST_M, PRE_M, by_section_states, hopper
-from verdict_power import (
+from observed_landings import (
     apexes_of,
-    gait_file,
-    kinds,
-    large_study,
     see_landings,
     states_at,
-    study_file,
     tracks_of,
     true_states,
 )
+from velocities import POST_M, PRE_M, by_section_states, hopper
+from verdict_kinds import kinds
+from verdict_power import gait_file, large_study, study_file
 
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.scenes.hopper_parameters import HopperParameters
