@@ -19,6 +19,11 @@ def foot_names(columns: Iterable[str]) -> tuple[str, ...]:
     return tuple(match[1] for match in found if match)
 
 
+def order_name(feet: Iterable[int]) -> str:
+    """Return an order of feet, counted from 0, as schedules name it: ``2>1>3``."""
+    return ">".join(str(foot + 1) for foot in feet)
+
+
 # A left and a right foot look alike in all files, whichever comes first.
 SIDES = ("left", "right")
 # Between two feet of an order, wherever a person reads it.

@@ -633,7 +633,9 @@ def _touching(contact: Mapping[Any, Any]) -> str:
 
 def _plain(rows: Sequence[Sequence[str]]) -> str:
     """Return a table as plain text, in columns."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    widths = []
+    for column in zip(*rows, strict=True):
+        widths.append(max(len(cell) for cell in column))
     lines = []
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=True)]

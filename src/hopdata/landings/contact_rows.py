@@ -101,12 +101,13 @@ def untimed(recording: Recording, landings: pd.DataFrame) -> list[Message]:
             continue
         status = {foot: int(landing[f"status_{foot}"]) for foot in feet}
         begin_s, end_s = landing["begin_s"], landing["end_s"]
-        came_down = [
-            foot
-            for foot in feet
-            if status[foot] in SEEN_TO_COME_DOWN
-            and not ((begin_s <= instants[foot]) & (instants[foot] <= end_s)).any()
-        ]
+        came_down = []
+        for foot in feet:
+            after_begin = instants[foot] >= begin_s
+            before_end = instants[foot] <= end_s
+            is_timed_elsewhere = (after_begin & before_end).any()
+            if status[foot] in SEEN_TO_COME_DOWN and not is_timed_elsewhere:
+                came_down.append(foot)
         if not came_down:
             continue
         reasons = [f"{foot}: {Message(REMARKS[status[foot]])}" for foot in came_down]

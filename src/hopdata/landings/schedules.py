@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
+from hopdata.feet import order_name
 
 AMBIGUOUS = "ambiguous"
 TREATMENTS = ("keep", "pool", "exclude")  # how ambiguous orders may be treated
@@ -82,7 +83,7 @@ def schedule_names(instants: FloatArray) -> list[str]:
 
 def order_names(order: NDArray[np.int64]) -> list[str]:
     """Name orders (L, n) of feet counted from 0."""
-    return [">".join(str(foot + 1) for foot in row) for row in order]
+    return [order_name(feet) for feet in order.tolist()]
 
 
 def spread(instants: FloatArray) -> FloatArray:

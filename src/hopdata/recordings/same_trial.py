@@ -121,10 +121,10 @@ def agreement(
     shared = sorted(places[0].keys() & places[1].keys())
     if len(shared) < LEAST_MARKERS:
         return OTHER
-    tracks = [
-        np.asarray(track, dtype=np.float64)[:, [place[name] for name in shared]]
-        for track, place in zip(positions, places, strict=True)
-    ]
+    tracks = []
+    for every_track, place_of in zip(positions, places, strict=True):
+        own_places = [place_of[name] for name in shared]
+        tracks.append(np.asarray(every_track, dtype=np.float64)[:, own_places])
     rate_hz = min(rates_hz)
     has_one_rate = max(rates_hz) / rate_hz - 1 <= SAME_RATE
     if not has_one_rate:

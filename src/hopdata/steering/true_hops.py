@@ -15,6 +15,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
+from hopdata.feet import order_name
 from hopdata.rigid import relative, turned, wrapped
 from hopdata.scenes.body import YAW
 from hopdata.scenes.scene import Control
@@ -183,4 +184,4 @@ def _order(hop: Hop, *, down: bool) -> str:
     order = list(dict.fromkeys(legs))
     if not down:
         order.reverse()
-    return ">".join(str(leg + 1) for leg in order)
+    return order_name(order)

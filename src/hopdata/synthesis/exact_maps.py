@@ -19,6 +19,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
+from hopdata.feet import order_name
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import project_onto_section
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
@@ -279,7 +280,7 @@ def section_jacobians(
         slopes = landings.output_slopes(pre, post, centre)
         maps.append(slopes @ (flow @ node.product @ before))
         outcomes.append(landings.output_coordinates(pre, post, centre))
-    schedules = tuple(">".join(str(foot + 1) for foot in order) for order in orders)
+    schedules = tuple(order_name(order) for order in orders)
     x = landings.input_coordinates(pre, centre)
     y = np.array(outcomes)
     return SectionJacobians(landing, pre, schedules, np.array(maps), x, y)

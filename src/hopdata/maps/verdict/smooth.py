@@ -289,7 +289,11 @@ def _multiplicities(n_inputs: int) -> FloatArray:
     function of the inputs however these are turned.
     """
     factors = combinations_with_replacement(range(n_inputs), 3)
-    return np.array([len(set(permutations(three))) for three in factors], float)
+    times = []
+    for three in factors:
+        different = set(permutations(three))
+        times.append(len(different))
+    return np.array(times, float)
 
 
 def _factors_among_first(n_inputs: int, n_first: int) -> IntArray:
@@ -299,7 +303,11 @@ def _factors_among_first(n_inputs: int, n_first: int) -> IntArray:
     bends most along them.
     """
     factors = combinations_with_replacement(range(n_inputs), 3)
-    return np.array([sum(one < n_first for one in three) for three in factors])
+    counts = []
+    for three in factors:
+        among_first = [factor for factor in three if factor < n_first]
+        counts.append(len(among_first))
+    return np.array(counts)
 
 
 def _core(states: FloatArray, ways: FloatArray) -> FloatArray:

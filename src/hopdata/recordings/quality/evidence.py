@@ -727,7 +727,11 @@ def _median_offset(frames: FloatArray, on_feet: BoolArray) -> FloatArray:
 
 def log_odds(pieces: Sequence[Evidence]) -> dict[str, float]:
     """Return the logarithm of each direction's probability, all evidence together."""
-    sums = {up: sum(one.log_likelihood[up] for one in pieces) for up in DIRECTIONS}
-    largest = max(sums.values())
-    total = largest + float(np.log(sum(np.exp(s - largest) for s in sums.values())))
-    return {up: s - total for up, s in sums.items()}
+    of_direction = {}
+    for up in DIRECTIONS:
+        of_direction[up] = sum(one.log_likelihood[up] for one in pieces)
+    # Exponentials of the sums themselves would be too small for a double.
+    largest = max(of_direction.values())
+    shares = [np.exp(one - largest) for one in of_direction.values()]
+    of_all = largest + float(np.log(sum(shares)))
+    return {up: one - of_all for up, one in of_direction.items()}

@@ -120,8 +120,11 @@ def guess_feet(
         _left_out(group, groups, markers),
     ]
     if rivals:
-        between = "; ".join(", ".join(markers[m] for m in other) for other in rivals)
-        parts.append(Message("recordings.feet_in_between", {"markers": between}))
+        groups_between = []
+        for other in rivals:
+            groups_between.append(", ".join(markers[m] for m in other))
+        between = {"markers": "; ".join(groups_between)}
+        parts.append(Message("recordings.feet_in_between", between))
     reason = chained([part for part in parts if part is not None])
     return Feet(sorted(on_sole), rivals, reason)
 
@@ -379,7 +382,10 @@ def doubt_about_feet(
         if likely is None:
             return None
         doubt = likely
-    rivals = [listed([markers[m] for m in group]) for group in feet.rivals]
+    rivals = []
+    for group in feet.rivals:
+        names = [markers[m] for m in group]
+        rivals.append(listed(names))
     return chained([doubt, *rivals], "recordings.or")
 
 

@@ -69,12 +69,11 @@ def keypoints(
     places = [[place_of[name, axis] for axis in AXES] for name in names]
     positions = values[:, places]
     remarks: tuple[str, ...] = ()
-    scored = [
-        (marker, place_of[name, score])
-        for marker, name in enumerate(names)
-        for score in SCORES
-        if (name, score) in place_of
-    ]
+    scored = []
+    for marker, name in enumerate(names):
+        for score in SCORES:
+            if (name, score) in place_of:
+                scored.append((marker, place_of[name, score]))
     if scored:
         markers = [marker for marker, _ in scored]
         scores = values[:, [place for _, place in scored]]
@@ -110,11 +109,11 @@ def _complete_points(
     path: Path, points: list[tuple[str, str]], place_of: dict[tuple[str, str], int]
 ) -> list[str]:
     """Return the names of the points with three coordinates."""
-    names = [
-        name
-        for name, coordinate in points
-        if coordinate == "x" and all((name, axis) in place_of for axis in AXES)
-    ]
+    names = []
+    for name, coordinate in points:
+        is_whole = all((name, axis) in place_of for axis in AXES)
+        if coordinate == "x" and is_whole:
+            names.append(name)
     if not names:
         is_plane = any(coordinate == "x" for _, coordinate in points)
         found = "one camera's plane" if is_plane else "none"
