@@ -85,12 +85,13 @@ def frozen_markers(
     n_tests = max(len(positions) - 1, 1) * len(markers)
     found = []
     for m, name in enumerate(markers):
-        repeats = np.all(np.diff(positions[:, m], axis=0) == 0, axis=1)
-        stretches = runs(repeats)
+        # Step k is from frame k to frame k + 1, so steps start to stop - 1 hold the
+        # position of the frames start to stop.
+        is_repeat = np.all(np.diff(positions[:, m], axis=0) == 0, axis=1)
+        stretches = runs(is_repeat)
         too_long = _too_long(stretches, n_tests)
-        for (start, stop), is_too_long in zip(
-            stretches.tolist(), too_long.tolist(), strict=True
-        ):
+        for stretch, is_too_long in zip(stretches, too_long, strict=True):
+            start, stop = stretch.tolist()
             if stop - start < LEAST_REPEATS:
                 continue
             jumps = (start, m) in steps or (stop + 1, m) in steps
@@ -101,10 +102,13 @@ def frozen_markers(
 
 def _too_long(stretches: IntArray, n_tests: int) -> BoolArray:
     """Tell which runs of repeats, (K,), are too long in view of the other runs."""
-    length = np.diff(stretches, axis=1)[:, 0]
+    length = stretches[:, 1] - stretches[:, 0]
+    # The run in question is not among the others, and goes on itself.
     n_others = max(len(length) - 1, 1)
     n_others_go_on = np.sum(length > 1) - 1
     chance_to_go_on = np.clip(n_others_go_on / n_others, 1e-9, 1 - 1e-9)
+    # By chance a run has n repeats with the probability chance_to_go_on**(n - 1); of
+    # the longest that is CHANCE / n_tests.
     longest = 1 + np.log(CHANCE / n_tests) / np.log(chance_to_go_on)
     return np.asarray((length >= LEAST_REPEATS) & (length > longest))
 
@@ -128,13 +132,14 @@ def straight_stretches(
         rounding = _rounding(track)
         # One axis at a time, so that ten million frames fit into memory.
         axes = track.T[..., None]
-        usual_bend = max(quantiles(_differences(x, 2), [0.5])[0, 0] for x in axes)
-        if not usual_bend > CURVED * rounding:
+        usual_bends = [quantiles(_differences(x, 2), [0.5])[0, 0] for x in axes]
+        if not max(usual_bends) > CURVED * rounding:
             continue
-        straight = np.logical_and.reduce(
-            [_differences(x, 2)[:, 0] <= rounding for x in axes]
-        )
-        for start, stop in runs(straight).tolist():
+        along_axes = [_differences(x, 2)[:, 0] <= rounding for x in axes]
+        is_straight = np.logical_and.reduce(along_axes)
+        # Second difference k is of the frames k, k + 1 and k + 2, so of a filled gap
+        # the first stands at the last frame that was seen, `start`.
+        for start, stop in runs(is_straight).tolist():
             if stop - start < LEAST_STRAIGHT:
                 continue
             step = np.abs(track[stop] - track[start]).max() / (stop - start)
@@ -152,7 +157,11 @@ def _rounding(track: FloatArray) -> float:
         steps = _differences(x, 1)
         digit = min(digit, np.min(steps, initial=np.inf, where=steps > 0))
     largest = np.nanmax(np.abs(track), initial=0)
-    return float(2 * digit + 4 * np.finfo(np.float32).eps * largest)
+    # A second difference x0 - 2 x1 + x2 has four times the error of a number, which is
+    # half a digit, and what single precision leaves of the largest.
+    of_digits = 4 * (digit / 2)
+    of_single_precision = 4 * np.finfo(np.float32).eps * largest
+    return float(of_digits + of_single_precision)
 
 
 def _differences(track: FloatArray, order: int) -> FloatArray:
@@ -197,10 +206,13 @@ def _digests(positions: FloatArray) -> FloatArray:
 
 def _lags_to_equal_frames(digest: FloatArray) -> IntArray:
     """Return how many frames before each one the last equal one is, (N,); 0 if none."""
-    order = np.argsort(digest, kind="stable")
-    same = np.flatnonzero(np.diff(digest[order]) == 0)
+    # Stable sorting leaves equal frames beside each other in the order of time.
+    by_digest = np.argsort(digest, kind="stable")
+    first = np.flatnonzero(np.diff(digest[by_digest]) == 0)
+    earlier = by_digest[first]
+    later = by_digest[first + 1]
     lag = np.zeros(len(digest), dtype=np.int64)
-    lag[order[same + 1]] = order[same + 1] - order[same]
+    lag[later] = later - earlier
     return lag
 
 
