@@ -384,8 +384,8 @@ def doubt_about_feet(
         doubt = likely
     rivals = []
     for group in feet.rivals:
-        names = [markers[m] for m in group]
-        rivals.append(listed(names))
+        of_group = [markers[m] for m in group]
+        rivals.append(listed(of_group))
     return chained([doubt, *rivals], "recordings.or")
 
 
