@@ -38,7 +38,7 @@ from hopdata.maps.verdict.exchanges import TOGETHER
 from hopdata.maps.verdict.inputs import SectionLandings
 from hopdata.maps.verdict.model import KinkFit
 from hopdata.maps.verdict.signs import Draws, SignedErrors, level_of
-from hopdata.messages import Message, at_least_in_per_cent
+from hopdata.messages import Message, in_per_cent
 
 #: Share of the level that the test of jumps has, if there can be any.
 #: Unit: 1. Origin: measured: beside a test of kinks alone the size of kinks that is
@@ -449,8 +449,8 @@ def _surest(effects: Sequence[PairEffect]) -> list[PairEffect]:
     found.sort(key=lambda effect: -effect.low)
     if not found:
         return []
-    surest = at_least_in_per_cent(found[0].low)
-    return [one for one in found if at_least_in_per_cent(one.low) == surest]
+    surest = in_per_cent(found[0].low)
+    return [one for one in found if in_per_cent(one.low) == surest]
 
 
 def _is_largest(one: PairEffect, effects: Sequence[PairEffect]) -> bool:

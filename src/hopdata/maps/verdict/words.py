@@ -131,7 +131,7 @@ def may_be_larger(high: float, spreads: float) -> Message:
     spreads
         `Verdict.twice_high_from` in contact spreads.
     """
-    values = {"twice": at_most(2.0 * high), "spreads": in_spreads(spreads)}
+    values = {"twice": at_least(2.0 * high), "spreads": in_spreads(spreads)}
     return Message("maps.may_be_larger", values)
 
 
