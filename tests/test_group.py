@@ -352,6 +352,27 @@ def test_a_group_without_an_answer_shows_contacts_and_what_to_do():
     assert "Two feet have one kink only" not in page
 
 
+def test_lags_over_subjects_are_told_whatever_the_answer():
+    """In ms, and None where one subject leaves no interval."""
+    lag = {"foot": "left", "other": "right", "landings": 9, "common_s": None}
+    rows = []
+    for subject, mean_s in zip("ab", (0.004, 0.006), strict=True):
+        own = {**lag, "mean_s": mean_s, "median_abs_s": 0.007}
+        rows.append(undecided(subject, lags=[own]))
+    group = put_together(rows, GROUP)
+    (told,) = group["lags"]
+    assert told["subjects"] == 2
+    assert told["common_s"] is None
+    page = build_group_page(group, [])
+    assert ">left minus right<" in page
+    assert ">5.00<" in page
+    assert ">7.00<" in page
+    assert put_together(rows[:1], GROUP)["lags"][0]["low_s"] is None
+    assert "Lags of the feet" not in build_group_page(
+        put_together(made_up(3), GROUP), []
+    )
+
+
 def test_a_group_with_an_answer_is_told_nothing_to_do():
     rows = [one | {"contacts": contacts_of(landed())} for one in made_up(12)]
     group = put_together(rows, GROUP) | {"conclusion": "no difference"}
@@ -403,6 +424,7 @@ def test_a_group_runs_to_its_page(tmp_path):
     found = json.loads((tmp_path / "results/trio/group.json").read_text())
     reasons = {row["subject"]: row["reason"] for row in found["members"]}
     assert reasons["anna"] == ""
+    assert found["lags"][0]["subjects"] == 1
     assert "gone.h5" in reasons["ben"]
     assert "broken.h5" in reasons["cara"]
     page = (tmp_path / "results/trio/group.html").read_text()

@@ -1,12 +1,13 @@
 """Messages: codes and values first, words last, in as many languages as there are files."""
 
+import math
 import string
 import tomllib
 
 import pytest
 
 from hopdata import messages
-from hopdata.messages import Message
+from hopdata.messages import Message, at_least_in_per_cent, at_most_in_per_cent
 
 
 @pytest.fixture
@@ -74,3 +75,26 @@ def test_every_translation_has_the_values_of_its_english_sentence():
 
 def _fields(template):
     return {name for _, name, _, _ in string.Formatter().parse(template) if name}
+
+
+@pytest.mark.parametrize(
+    ("share", "low", "high"),
+    [
+        (0.0, 0.0, 0.0),
+        (0.12, 12.0, 12.0),
+        (0.29, 29.0, 29.0),
+        (0.2001, 20.0, 21.0),
+        (0.0123, 1.2, 1.3),
+        (0.00987, 0.98, 0.99),
+        (0.0999, 9.9, 10.0),
+        (0.999, 99.0, 100.0),
+        (1.0512, 105.0, 106.0),
+    ],
+)
+def test_ends_of_intervals_are_rounded_outwards(share, low, high):
+    assert at_least_in_per_cent(share) == low
+    assert at_most_in_per_cent(share) == high
+
+
+def test_a_bound_that_is_not_known_stays_so():
+    assert at_most_in_per_cent(math.inf) == math.inf

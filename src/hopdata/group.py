@@ -64,6 +64,7 @@ def _study_of(member: Mapping[str, Any], folder: Path, row: dict[str, Any]) -> s
     study = Study(load_config(member["config"]))
     # They are known even if the rest of the study fails.
     row["contacts"] = contacts_of(study.touchdowns)
+    row["lags"] = _lags_of(study.touchdowns)
     verdict = study.verdict
     if verdict.effect is None:
         reason = "; ".join(note.reason for note in verdict.notes)
@@ -151,6 +152,24 @@ def contacts_of(touchdowns: pd.DataFrame) -> dict[str, Any]:
     }
 
 
+def _lags_of(touchdowns: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the lags of each two feet of a study, None where a number is not known."""
+    from hopdata.landings.contact_lags import lags_of_touchdowns
+
+    return _rows_of(lags_of_touchdowns(touchdowns))
+
+
+def _rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return the rows of a table as JSON can hold them."""
+    rows = []
+    for record in table.to_dict("records"):
+        row = {}
+        for name, value in record.items():
+            row[str(name)] = _known(value) if isinstance(value, float) else value
+        rows.append(row)
+    return rows
+
+
 def _known(value: float | None) -> float | None:
     """Return a number that JSON can hold; None if it is not known."""
     if value is None or not math.isfinite(value):
@@ -179,8 +198,9 @@ def put_together(
         ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason
         in the sentence, or if there are conditions), ``by_condition`` (for each of two
         conditions or more its ``condition``, ``subjects``, ``conclusion``, ``sentence``
-        and ``effect``), ``conditions`` (rows of `compare_conditions`), ``members`` and
-        the ``version`` of hopdata.
+        and ``effect``), ``conditions`` (rows of `compare_conditions`), ``lags`` and
+        ``lag_differences`` (rows of `hopdata.landings.group_lags`), ``members`` and the
+        ``version`` of hopdata.
     """
     from hopdata.maps.verdict.group import LEAST_SUBJECTS, judge_group
 
@@ -214,6 +234,29 @@ def put_together(
         "members": list(rows),
         "by_condition": answer["by_condition"],
         "conditions": answer["conditions"],
+        **_lags_of_group(rows),
+    }
+
+
+def _lags_of_group(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the lags of the feet over subjects, and between conditions.
+
+    They do not need the answer of a study. Rows of earlier versions have none.
+    """
+    from hopdata.landings.group_lags import lag_differences, lags_over_subjects
+
+    lags = [
+        {"subject": row["subject"], "condition": row["condition"], **lag}
+        for row in rows
+        for lag in row.get("lags", [])
+    ]
+    if not lags:
+        return {"lags": [], "lag_differences": []}
+    table = pd.DataFrame(lags)
+    table["common_s"] = table["common_s"].astype(float)
+    return {
+        "lags": _rows_of(lags_over_subjects(table)),
+        "lag_differences": _rows_of(lag_differences(table)),
     }
 
 

@@ -8,6 +8,7 @@ a sentence to decide something: it compares codes.
 
 from __future__ import annotations
 
+import math
 import string
 import tomllib
 from collections.abc import Mapping
@@ -102,6 +103,27 @@ def in_per_cent(share: float) -> float:
     if abs(share) < 1.0:
         return float(f"{100.0 * share:.2g}")
     return float(f"{100.0 * share:.0f}")
+
+
+def at_least_in_per_cent(share: float) -> float:
+    """Return the low end of an interval, rounded down as by `in_per_cent`."""
+    return -at_most_in_per_cent(-share)
+
+
+def at_most_in_per_cent(share: float) -> float:
+    """Return the high end of an interval, or a bound, rounded up as by `in_per_cent`.
+
+    A bound that is rounded to the nearest number may say more than was shown.
+    """
+    if share == 0.0 or not math.isfinite(share):
+        return 100.0 * share
+    step = 1.0
+    if abs(share) < 1.0:
+        tens = math.floor(math.log10(abs(100.0 * share)))
+        step = 10.0 ** (tens - 1)
+    # 29 % is 28.999999999999996 in binary digits.
+    steps = math.ceil(round(100.0 * share / step, 9))
+    return float(f"{steps * step:.12g}")
 
 
 def in_shell(message: Message) -> Message:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from overlaps import text_faults
 
 from hopdata.figures.contacts import landings_figure, spread_figure
 from hopdata.figures.style import FOOT_COLOURS, ORANGE, VERMILION
@@ -86,6 +87,22 @@ def test_feet_of_long_orders_are_told_by_number():
     assert figure.axes[0].get_title(loc="left").startswith("1: 1 > 2")
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels[1] == "2: right"
+
+
+def test_long_names_of_recordings_do_not_overlap():
+    recordings = ["subject07_droplanding_40cm_shoes_trial01", "short"]
+    made = [made_up(4) for _ in recordings]
+    for tables, recording in zip(made, recordings, strict=True):
+        for table in tables:
+            table["recording"] = recording
+    curves, contacts, orders = (pd.concat(tables) for tables in zip(*made, strict=True))
+    figure = landings_figure(curves, contacts, orders, FEET)
+    titles = [axes.get_title(loc="left").split("\n") for axes in figure.axes]
+    assert titles[0][0].startswith("subject07")
+    assert titles[0][0].endswith("trial01")
+    assert titles[4][0] == "short"
+    assert titles[4][1] == "1: left > right"
+    assert text_faults(figure) == []
 
 
 def test_without_a_landing_the_figure_says_so():

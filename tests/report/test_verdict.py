@@ -26,7 +26,7 @@ from hopdata.report.verdict import (
 
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
     facts = verdict_facts(verdict())
-    assert facts["difference"] == "4 (0 to 13)\u00a0%"
+    assert facts["difference"] == "4 (0 to 14)\u00a0%"
     bound = "print the one-sided bound 12\u00a0%, on which the answer rests; less than 20\u00a0% counts as none"
     assert facts["remark"] == f"of the map, 95\u00a0% interval; {bound}"
     assert facts["found"] is True
@@ -212,7 +212,7 @@ def test_rows_above_the_bound_of_the_answer_are_explained():
     pair |= {"low": 0.0, "high": 0.21, "p_value": 1.0}
     pair |= {"n_first": 310, "n_second": 390}
     none = orders_table(verdict(orders=[pair])).note.text().replace("\u00a0", " ")
-    assert "Landings are the 700 that were fitted, of 986" in none
+    assert "Landings are counted among the 700 that were fitted, of 986" in none
     assert "The answer's bound, 12 % (one-sided), is of all orders together" in none
     found = orders_table(verdict(orders=[pair], conclusion="different")).note.text()
     assert "700" in found
@@ -461,7 +461,7 @@ def test_a_size_above_the_map_is_rounded_as_in_the_sentence():
     one = verdict()
     wide = {"estimate": 0.7012, "low": 0.4183, "high": 1.2271}
     facts = verdict_facts({**one, "effect": {**one["effect"], **wide}})
-    assert facts["difference"] == "70 (42 to 123)\u00a0%"
+    assert facts["difference"] == "70 (41 to 123)\u00a0%"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hopdata.report.group_page import build_group_page
 from hopdata.report.inputs import read_figures
 
 # Parts of a row that are no cells of a table.
-NO_CELLS = ["further", "quality", "what_now", "contacts"]
+NO_CELLS = ["further", "quality", "what_now", "contacts", "lags"]
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     output = snakemake.output

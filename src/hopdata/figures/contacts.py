@@ -17,6 +17,10 @@ CELL_MM = 33.0
 FRAME_MM = 14.0
 # Characters of an order above a cell; in longer ones feet are told by their numbers.
 LONGEST_ORDER = 26
+# Characters of a line of a title. Of a longer name of a recording, the middle is left
+# out, since trials of one session begin alike and end in their number.
+LONGEST_LINE = 28
+LEFT_OUT = "\u2026"
 BETWEEN = " > "
 MM_PER_M = 1e3
 MS_PER_S = 1e3
@@ -77,13 +81,13 @@ def landings_figure(
     for cell, order in zip(cells, orders.to_dict("records"), strict=False):
         key = (order["recording"], order["landing"])
         _draw_landing(cell, of_curves[key], of_contacts[key], feet)
-        name = f"{order['landing']}"
-        if several:
-            name = f"{order['recording']} {name}"
         chain = order["order"]
         if by_number:
             chain = BETWEEN.join(number[foot] for foot in chain.split(BETWEEN))
-        cell.set_title(_title(name, chain, order))
+        title = _title(chain, order)
+        if several:
+            title = f"{_shortened(order['recording'])}\n{title}"
+        cell.set_title(title)
         if _is_unsure(order):
             cell.spines[:].set(visible=True, linestyle=UNSURE_FRAME, linewidth=1.0)
     shown = cells[: len(orders)]
@@ -107,9 +111,17 @@ def landings_figure(
     return figure
 
 
-def _title(name: str, chain: str, order: Mapping[Any, Any]) -> str:
+def _shortened(name: str) -> str:
+    """Return a name without its middle if it is too long for a line."""
+    if len(name) <= LONGEST_LINE:
+        return name
+    half = (LONGEST_LINE - len(LEFT_OUT)) // 2
+    return f"{name[:half]}{LEFT_OUT}{name[-half:]}"
+
+
+def _title(chain: str, order: Mapping[Any, Any]) -> str:
     """Return number and order of a landing, and how probable the order is."""
-    title = f"{name}: {chain}"
+    title = f"{order['landing']}: {chain}"
     if np.isfinite(order["probability"]):
         title += f"\n{_percent(order['probability'])}"
         if _is_unsure(order):

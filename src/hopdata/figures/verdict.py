@@ -12,7 +12,11 @@ from matplotlib.figure import Figure, SubFigure
 from hopdata.errors import counted
 from hopdata.feet import foot_names, foot_places
 from hopdata.figures import style
-from hopdata.messages import in_per_cent
+from hopdata.messages import (
+    at_least_in_per_cent,
+    at_most_in_per_cent,
+    in_per_cent,
+)
 
 # Heights of a row of two plots, of a member of a group, and of a study's title.
 ROW_MM = 58.0
@@ -315,21 +319,21 @@ def in_short(verdict: Mapping[str, Any]) -> str:
         if verdict["conclusion"] == "different":
             return _in_short_without_end(answer, verdict)
         return f"{answer}: no upper bound"
-    bound = _percent(effect["upper_bound"])
+    bound = _at_most(effect["upper_bound"])
     if verdict["conclusion"] == "no difference":
         return f"No difference above {bound}{_besides(verdict)}"
     if verdict["conclusion"] == "cannot tell":
         return f"{answer}: up to {bound} possible"
     size = _percent(effect["estimate"])
-    low = _percent(effect["low"]).removesuffix(PER_CENT)
-    high = _percent(effect["high"])
+    low = _at_least(effect["low"]).removesuffix(PER_CENT)
+    high = _at_most(effect["high"])
     by = {"effect": "by", "jump": "a jump of"}[_decided(verdict)]
     return f"{answer}: {by} {size} ({low} to {high})"
 
 
 def _in_short_without_end(answer: str, verdict: Mapping[str, Any]) -> str:
     """Return the size over the landings, as the sentence has it, and at the contact."""
-    at_least = f"at least {_percent(verdict['effect']['low'])}"
+    at_least = f"at least {_at_least(verdict['effect']['low'])}"
     over = verdict.get("effect_over_landings")
     if over is None:
         return f"{answer}: by {at_least}"
@@ -344,7 +348,7 @@ def _besides(verdict: Mapping[str, Any]) -> str:
         besides = " over these landings"
     jump_bound = verdict.get("jump_bound")
     if jump_bound is not None and jump_bound > verdict["margin"]:
-        besides += f",\nbut a jump of up to {_percent(jump_bound)} is possible"
+        besides += f",\nbut a jump of up to {_at_most(jump_bound)} is possible"
     return besides
 
 
@@ -353,6 +357,14 @@ PER_CENT = "\u00a0%"  # the space keeps number and sign on one line
 
 def _percent(share: float) -> str:
     return f"{in_per_cent(share):g}{PER_CENT}"
+
+
+def _at_least(share: float) -> str:
+    return f"{at_least_in_per_cent(share):g}{PER_CENT}"
+
+
+def _at_most(share: float) -> str:
+    return f"{at_most_in_per_cent(share):g}{PER_CENT}"
 
 
 def _said(verdict: Mapping[str, Any], longest: int) -> str:
@@ -497,7 +509,7 @@ def _draw_maps(axes: Axes, verdict: Mapping[str, Any], rows: int) -> None:
     if conclusion == "different":
         words = "not alike" if rows == TWO else "not all\nalike"
     if conclusion == "no difference":
-        bound = _percent(verdict[_decided(verdict)]["upper_bound"])
+        bound = _at_most(verdict[_decided(verdict)]["upper_bound"])
         words = f"alike to\n{bound}"
     box = {"boxstyle": "round,pad=0.4", "facecolor": colour, "linewidth": 0}
     look: Any = {"color": "white", "fontweight": "bold", "bbox": box}
@@ -650,7 +662,7 @@ def _write_jump(axes: Axes, row: Mapping[str, Any], place: float) -> None:
     """Write the jump of a member in its row."""
     _, colour = ANSWERS[row["conclusion"]]
     size = _percent(row["jump_estimate"])
-    interval = f"{_percent(row['jump_low'])} to {_percent(row['jump_high'])}"
+    interval = f"{_at_least(row['jump_low'])} to {_at_most(row['jump_high'])}"
     words = f"the outcome jumps, by {size} ({interval}) of the map"
     look = {"va": "center", "color": colour, "bbox": style.ON_WHITE}
     style.note(axes, words, (0.0, place), (4, 0), **look)

@@ -122,6 +122,55 @@ def contacts_table(rows: Sequence[Row]) -> show.Table | None:
     )
 
 
+_OF_FEET: show.Columns = {
+    "condition": lambda row: str(row["condition"]),
+    "lag": lambda row: f"{row['foot']} minus {row['other']}",
+    "subjects": show.counted("subjects"),
+    "mean (ms)": show.decimals("mean_s", 2, 1e3),
+    "from (ms)": show.decimals("low_s", 2, 1e3),
+    "to (ms)": show.decimals("high_s", 2, 1e3),
+    "common error (ms)": show.decimals("common_s", 2, 1e3),
+    "median |lag| (ms)": show.decimals("median_abs_s", 2, 1e3),
+}
+_BETWEEN: show.Columns = {
+    "conditions": lambda row: f"{row['condition_a']} minus {row['condition_b']}",
+    "lag": lambda row: f"{row['foot']} minus {row['other']}",
+    "subjects": show.counted("subjects"),
+    "difference (ms)": show.decimals("difference_s", 2, 1e3),
+    "from (ms)": show.decimals("low_s", 2, 1e3),
+    "to (ms)": show.decimals("high_s", 2, 1e3),
+    "common error (ms)": show.decimals("common_s", 2, 1e3),
+}
+
+
+def lags_tables(group: Row) -> list[show.Table]:
+    """Return the lags of the feet over subjects, and their differences, if any.
+
+    Groups of earlier versions have none.
+    """
+    lags = group.get("lags", [])
+    columns = dict(_OF_FEET)
+    if len({row["condition"] for row in lags}) < 2:
+        del columns["condition"]
+    tables = [
+        show.table_of(
+            str(Message("report.group_lags")),
+            lags,
+            columns,
+            text_columns=len(columns) - 6,
+            note=Message("report.group_lags_note"),
+        ),
+        show.table_of(
+            str(Message("report.group_lag_differences")),
+            group.get("lag_differences", []),
+            _BETWEEN,
+            text_columns=2,
+            note=Message("report.group_lag_differences_note"),
+        ),
+    ]
+    return [table for table in tables if table is not None]
+
+
 def _timed(contacts: Row) -> str:
     return f"{show.count(contacts['timed'])} of {show.count(contacts['landings'])}"
 

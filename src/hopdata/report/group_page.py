@@ -8,10 +8,10 @@ from typing import Any
 
 from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report.group import by_answer, contacts_table, summaries
+from hopdata.report.group import by_answer, contacts_table, lags_tables, summaries
 from hopdata.report.group_methods import group_methods
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
-from hopdata.report.verdict import percent
+from hopdata.report.verdict import at_least, at_most, percent
 from hopdata.report.what_now import (
     DOCUMENTATION,
     advice_to_group,
@@ -108,6 +108,7 @@ def build_group_page(
         advice=advice_to_group(group),
         documentation=DOCUMENTATION,
         contacts=contacts_table(rows),
+        lags=lags_tables(group),
         conditions=show.table_of(
             title, group["conditions"], _columns_of(group["conditions"])
         ),
@@ -176,9 +177,9 @@ def _sizes(
     size = percent(effect["estimate"])
     values = {"confidence": show.percent(100 * confidence)}
     if answered["conclusion"] == "different":
-        values["interval"] = f"{percent(effect['low'])} to {percent(effect['high'])}"
+        values["interval"] = f"{at_least(effect['low'])} to {at_most(effect['high'])}"
         return [(name, size, str(Message("report.group_interval", values)))]
-    bound = f"at most {percent(effect['upper_bound'])}"
+    bound = f"at most {at_most(effect['upper_bound'])}"
     return [
         (name, bound, str(Message("report.group_at_most", values))),
         ("Its estimate", size, str(Message("report.group_estimate"))),
@@ -219,9 +220,9 @@ def _member(row: Mapping[str, Any]) -> dict[str, Any]:
         over = percent(row["over_landings_estimate"])
         cells["size"] += f" (over the landings {over})"
     if high is None:
-        cells["ends"] = f"at least {percent(low)}"
+        cells["ends"] = f"at least {at_least(low)}"
         return cells
-    cells["ends"] = f"{percent(low)} to {percent(high)}"
+    cells["ends"] = f"{at_least(low)} to {at_most(high)}"
     if row["conclusion"] != "different":
-        cells["ends"] = f"at most {percent(row['upper_bound'])}"
+        cells["ends"] = f"at most {at_most(row['upper_bound'])}"
     return cells

@@ -425,6 +425,7 @@ def _of_verdict(verdict: Mapping[str, Any]) -> list[Message]:
         "confidence": f"{100 * verdict['confidence']:g} %",
         "margin": f"{100 * verdict['margin']:g} %",
         "fitted": fitted,
+        "landings": f"{known:,}",
         **CITED,
     }
     said = [Message("report.methods_map", values), _assumed(verdict)]

@@ -360,6 +360,7 @@ def build_report(inputs: ReportInputs) -> str:
             landings=facts["n_landings"] or 0,
         ),
         documentation=what_now.DOCUMENTATION,
+        campaign=what_now.CAMPAIGN,
         distances_asked=inputs.distances_asked,
         verdict_notes=_verdict_notes(inputs),
         config=as_yaml(_configuration(inputs)),

@@ -8,7 +8,12 @@ from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.feet import AND, with_foot_names
-from hopdata.messages import Message, in_per_cent
+from hopdata.messages import (
+    Message,
+    at_least_in_per_cent,
+    at_most_in_per_cent,
+    in_per_cent,
+)
 from hopdata.notes import Note
 from hopdata.report import formatting as show
 
@@ -368,11 +373,11 @@ def verdict_facts(
     if effect.get("allowed") is not None:
         facts["allowed"] = percent(effect["allowed"])
         if not found and bound < effect["allowed"]:
-            facts["bound_within"] = percent(effect["upper_bound"])
+            facts["bound_within"] = at_most(effect["upper_bound"])
     if effect["detectable"] <= 1.0:
         facts["detectable"] = percent(effect["detectable"])
         if not found and bound < effect["detectable"]:
-            facts["bound_below"] = percent(effect["upper_bound"])
+            facts["bound_below"] = at_most(effect["upper_bound"])
     facts["difference"] = _with_interval(effect)
     like_jump = looks_like_jump(known)
     if like_jump is not None:
@@ -427,7 +432,7 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
     if verdict.get("saturates"):
         facts["over_landings"] = _with_interval(verdict["effect_over_landings"])
         facts["at_contact"] = percent(verdict["effect"]["estimate"])
-        facts["low"] = percent(verdict["effect"]["low"])
+        facts["low"] = at_least(verdict["effect"]["low"])
     holds_from = verdict.get("holds_from")
     if verdict["conclusion"] == "no difference" and holds_from is not None:
         facts["holds_from"] = _milliseconds(holds_from)
@@ -436,11 +441,12 @@ def _reach_facts(verdict: Verdict) -> dict[str, str]:
 
 
 def _with_interval(effect: Mapping[str, Any]) -> str:
-    low = _in_hundredths(effect["low"])
     if effect["high"] is None:
-        return str(Message("report.at_least_size", {"low": show.with_unit(low, "%")}))
+        values = {"low": at_least(effect["low"])}
+        return str(Message("report.at_least_size", values))
     estimate = _in_hundredths(effect["estimate"])
-    high = _in_hundredths(effect["high"])
+    low = show.significant(at_least_in_per_cent(effect["low"]), 2)
+    high = show.significant(at_most_in_per_cent(effect["high"]), 2)
     return show.with_unit(f"{estimate} ({low} to {high})", "%")
 
 
@@ -469,7 +475,7 @@ def remark(
         values["margin"] = _margin(known)
         said = Message("report.difference_unbounded", values)
     elif known["conclusion"] != "different":
-        values["bound"] = percent(effect["upper_bound"])
+        values["bound"] = at_most(effect["upper_bound"])
         values["margin"] = _margin(known)
         said = Message("report.difference_bounded", values)
     true = _true_effect(truth)
@@ -576,7 +582,7 @@ def _pairs_at_contact(verdict: Verdict) -> Message | str:
         return ""
     if verdict.get("decided_by") == "jump":
         return ""
-    low = percent(verdict["effect"]["low"])
+    low = at_least(verdict["effect"]["low"])
     return Message("report.orders_at_contact", {"low": low})
 
 
@@ -586,19 +592,22 @@ def _of_all_orders(verdict: Verdict) -> Message | str:
     fitted = verdict.get("n_window")
     if not known or not fitted:
         return ""
-    values: dict[str, Any] = {
-        "fitted": show.count(fitted),
-        "landings": show.count(known),
-    }
+    counts = {"fitted": show.count(fitted), "landings": show.count(known)}
+    counted = Message("report.orders_landings_nearest", counts)
+    if fitted == known:
+        counted = Message("report.orders_landings_all", counts)
     effect = _deciding(verdict)
     if (
         effect is None
         or effect["upper_bound"] is None
         or verdict["conclusion"] == "different"
     ):
-        return Message("report.orders_landings", values)
-    values["bound"] = percent(effect["upper_bound"])
-    values["margin"] = _margin(verdict)
+        return counted
+    values = {
+        "landings": counted,
+        "bound": at_most(effect["upper_bound"]),
+        "margin": _margin(verdict),
+    }
     return Message("report.orders_landings_bound", values)
 
 
@@ -718,7 +727,7 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
         return Message("report.so_what_gains", values)
     values["allowed"] = percent(effect["allowed"])
     if verdict["conclusion"] == "no difference":
-        values["bound"] = percent(effect["upper_bound"])
+        values["bound"] = at_most(effect["upper_bound"])
         return Message("report.so_what_small", values)
     return Message("report.so_what_open", values)
 
@@ -726,6 +735,16 @@ def _in_short(table: pd.DataFrame, verdict: Verdict) -> Message:
 def percent(share: float) -> str:
     """Return a share in per cent, to two digits or whole: see `in_per_cent`."""
     return show.with_unit(_in_hundredths(share), "%")
+
+
+def at_least(share: float) -> str:
+    """Return the low end of an interval in per cent, rounded down."""
+    return show.with_unit(show.significant(at_least_in_per_cent(share), 2), "%")
+
+
+def at_most(share: float) -> str:
+    """Return the high end of an interval, or a bound, in per cent, rounded up."""
+    return show.with_unit(show.significant(at_most_in_per_cent(share), 2), "%")
 
 
 def _in_hundredths(share: float) -> str:

@@ -13,12 +13,16 @@ from typing import Any
 from hopdata import __version__
 from hopdata.messages import Message
 from hopdata.report import formatting as show
-from hopdata.report.verdict import Verdict, notes_of, percent, reason_of, told
+from hopdata.report.verdict import Verdict, at_most, notes_of, reason_of, told
+
+# The documentation of this version.
+_DOCUMENTS = f"https://github.com/hopdata/hopdata/blob/v{__version__}/docs"
 
 #: The advice on all limits, in the documentation of this version.
-DOCUMENTATION = (
-    f"https://github.com/hopdata/hopdata/blob/v{__version__}/docs/cannot_tell.md"
-)
+DOCUMENTATION = f"{_DOCUMENTS}/cannot_tell.md"
+
+#: How often answers err, kind of study by kind of study.
+CAMPAIGN = f"{_DOCUMENTS}/verdict_campaign.md"
 
 # The cause that no further landings of the same kind mend.
 ONE_ORDER = "maps.none_for_one_order"
@@ -183,7 +187,7 @@ def _what_stands(verdict: Verdict) -> Message:
     if size.get("upper_bound") is None:
         return Message("report.what_now_without")
     values = {
-        "bound": percent(size["upper_bound"]),
+        "bound": at_most(size["upper_bound"]),
         "confidence": show.percent(100 * verdict["confidence"]),
     }
     return Message(code, values)
@@ -272,7 +276,7 @@ def advice_to_group(group: Mapping[str, Any]) -> list[Message]:
     effect = group["effect"]
     if effect is not None:
         values = {
-            "bound": percent(effect["upper_bound"]),
+            "bound": at_most(effect["upper_bound"]),
             "confidence": show.percent(100 * group["confidence"]),
         }
         said.append(Message("report.group_stands_bound", values))

@@ -21,7 +21,13 @@ from hopdata.maps.verdict.limits import (
     TWO_KINDS_CODE,
 )
 from hopdata.maps.verdict.model import LEFT
-from hopdata.maps.verdict.words import CANNOT_TELL, outlook, sentence, with_no_more
+from hopdata.maps.verdict.words import (
+    CANNOT_TELL,
+    DIFFERENT,
+    outlook,
+    sentence,
+    with_no_more,
+)
 from hopdata.messages import Message
 
 OPTIONS = {"seed": 3, "flips": 199}
@@ -604,16 +610,15 @@ def test_memory_does_not_grow_with_the_square_of_the_landings():
     assert peak < 4000**2 * 8 / 1.5
 
 
-def test_a_bound_that_rounds_to_the_margin_is_said_to_be_above_it():
-    said = [
-        str(sentence(CANNOT_TELL, (0, 0, 0, b), "two orders", 0.95, 0.2))
-        for b in (0.2004, 0.21)
-    ]
-    assert (
-        "of up to just over 20 % of the map cannot be excluded, and 20 % was wanted"
-        in said[0]
-    )
-    assert "of up to 21 % of the map" in said[1]
+def test_a_bound_just_above_the_margin_is_not_rounded_to_it():
+    said = str(sentence(CANNOT_TELL, (0, 0, 0, 0.2004), "two orders", 0.95, 0.2))
+    assert "of up to 21 % of the map cannot be excluded, and 20 % was wanted" in said
+
+
+def test_an_interval_is_rounded_outwards_and_its_estimate_to_nearest():
+    said = str(sentence(DIFFERENT, (0.234, 0.118, 0.342, 0.4), "all", 0.95, 0.2))
+    assert "23 %" in said
+    assert "11 % to 35 %" in said
 
 
 @pytest.mark.parametrize("seed", SEEDS)

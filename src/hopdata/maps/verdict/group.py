@@ -41,7 +41,14 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.verdict.judge import conclude
 from hopdata.maps.verdict.model import one_landing, upper_ends
 from hopdata.maps.verdict.signs import level_of
-from hopdata.maps.verdict.words import DIFFERENT, as_given, percent, sentence
+from hopdata.maps.verdict.words import (
+    DIFFERENT,
+    as_given,
+    at_least,
+    at_most,
+    percent,
+    sentence,
+)
 from hopdata.messages import Message
 
 #: Least number of subjects of a group.
@@ -263,8 +270,8 @@ def judge_group(
             "compared": compared,
             "size": percent(estimate),
             "confidence": as_given(confidence),
-            "low": percent(low),
-            "high": percent(high),
+            "low": at_least(low),
+            "high": at_most(high),
         }
         said = Message("maps.alone_decides", {**counts, **of_all})
     else:

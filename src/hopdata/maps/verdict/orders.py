@@ -447,7 +447,10 @@ def _surest(effects: Sequence[PairEffect]) -> list[PairEffect]:
     """
     found = [effect for effect in effects if effect.low > 0.0]
     found.sort(key=lambda effect: -effect.low)
-    return [one for one in found if in_per_cent(one.low) == in_per_cent(found[0].low)]
+    if not found:
+        return []
+    surest = in_per_cent(found[0].low)
+    return [one for one in found if in_per_cent(one.low) == surest]
 
 
 def _is_largest(one: PairEffect, effects: Sequence[PairEffect]) -> bool:

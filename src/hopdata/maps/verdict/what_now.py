@@ -22,7 +22,7 @@ from hopdata.maps.verdict.effect import MOST_LANDINGS, EffectSize
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings
 from hopdata.maps.verdict.model import BY_CHANCE, LEFT, KinkFit
 from hopdata.maps.verdict.signs import IN_A_ROW
-from hopdata.maps.verdict.words import asked_for, percent
+from hopdata.maps.verdict.words import asked_for, at_most, percent
 from hopdata.messages import Message
 
 #: Landings of a usual good study, which a study is compared with.
@@ -196,7 +196,7 @@ def _of_saturation(effect: EffectSize, *, saturates: bool) -> list[Limit]:
     """
     if not saturates:
         return []
-    values = {"over": percent(effect.upper_bound)}
+    values = {"over": at_most(effect.upper_bound)}
     return [Limit("saturation", None, Message("maps.limit_saturation", values))]
 
 

@@ -9,7 +9,12 @@ from typing import Any
 from hopdata.errors import require_choice
 from hopdata.maps.verdict import inputs
 from hopdata.maps.verdict.effect import MOST_LANDINGS, EffectSize
-from hopdata.messages import Message, in_per_cent
+from hopdata.messages import (
+    Message,
+    at_least_in_per_cent,
+    at_most_in_per_cent,
+    in_per_cent,
+)
 
 DIFFERENT = "different"
 
@@ -70,15 +75,13 @@ def sentence(
         "where": "",
         "rms": "",
         "size": percent(estimate),
-        "low": percent(low),
-        "high": percent(high),
-        "bound": percent(bound),
+        "low": at_least(low),
+        "high": at_most(high),
+        "bound": at_most(bound),
         "confidence": as_given(confidence),
-        "margin": percent(margin),
+        "margin": as_given(margin),
     }
     name = conclusion.replace(" ", "_")
-    if conclusion == CANNOT_TELL and values["bound"] == values["margin"]:
-        name = "cannot_tell_just"
     if conclusion == NO_DIFFERENCE and spreads is not None:
         name = "no_difference_at_contact"
         values["spreads"] = in_spreads(spreads)
@@ -114,7 +117,7 @@ def without_upper_end(
     code = "maps.no_upper_end_unsure"
     if surely:
         code = "maps.no_upper_end"
-    at_contact = Message(code, {"low": percent(low)})
+    at_contact = Message(code, {"low": at_least(low)})
     return with_reservation(said, at_contact)
 
 
@@ -128,7 +131,7 @@ def may_be_larger(high: float, spreads: float) -> Message:
     spreads
         `Verdict.twice_high_from` in contact spreads.
     """
-    values = {"twice": percent(2.0 * high), "spreads": in_spreads(spreads)}
+    values = {"twice": at_least(2.0 * high), "spreads": in_spreads(spreads)}
     return Message("maps.may_be_larger", values)
 
 
@@ -154,11 +157,11 @@ def with_no_more(
         bound = "maps.jump_bound"
         if jump > margin:
             bound = "maps.jump_bound_wide"
-        sizes = {"size": percent(jump), "margin": percent(margin)}
+        sizes = {"size": at_most(jump), "margin": as_given(margin)}
         values["jump"] = Message(bound, sizes)
         code = "maps.over_landings_no_jump"
     if pair is not None:
-        values["pair"] = percent(pair)
+        values["pair"] = at_most(pair)
         code = "maps.over_landings_pairs"
         if jump is not None:
             code = "maps.over_landings_no_jump_pairs"
@@ -229,8 +232,8 @@ def jump_said(jump: EffectSize, confidence: float, exchanges: int = 1) -> Messag
     values: dict[str, Any] = {
         "rms": rms,
         "size": percent(jump.estimate),
-        "low": percent(jump.low),
-        "high": percent(jump.high),
+        "low": at_least(jump.low),
+        "high": at_most(jump.high),
         "confidence": as_given(confidence),
     }
     return Message("maps.jump", values)
@@ -245,6 +248,16 @@ def contacts_said(landings: inputs.SectionLandings) -> Message:
 def percent(share: float) -> str:
     """Return a share in per cent, to two digits or whole: see `in_per_cent`."""
     return f"{in_per_cent(share):g} %"
+
+
+def at_least(share: float) -> str:
+    """Return the low end of an interval in per cent, rounded down."""
+    return f"{at_least_in_per_cent(share):g} %"
+
+
+def at_most(share: float) -> str:
+    """Return the high end of an interval, or a bound, in per cent, rounded up."""
+    return f"{at_most_in_per_cent(share):g} %"
 
 
 def in_spreads(time_constant: float) -> str:
