@@ -558,6 +558,7 @@ def quality(  # noqa: PLR0913 - all that is checked, each by its name
         expected_noise_m=expected_noise_m,
         other_feet=section_options["frames"] == "landings",
         contact_remarks=contact_remarks(recordings, [contacts[name] for name in level]),
+        starts_s={name: float(one.time[0]) for name, one in level.items()},
     )
     passed_or_not = [check.to_dict() for check in checks]
     return Quality(passed_or_not, stability, drift, filled_table(recordings))

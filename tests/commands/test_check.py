@@ -1,16 +1,22 @@
 """``hopdata check`` reports its guesses."""
 
+import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from external_blocks import block, columns
 from made_up_files import export
 from made_up_hopper import MARKERS, hopping
 from trc_files import trc_text
 
 from hopdata.__main__ import main
+from hopdata.commands import check as check_module
 from hopdata.commands.check import describe_external
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.readers.hdf5 import write_recording
 
 STUDY = """study: trial
 input: {{unit: {unit}}}
@@ -191,6 +197,88 @@ def test_of_a_group_all_files_are_read_and_the_first_study_is_foretold(
     told = capsys.readouterr()
     assert "study dog: 'recording1': " in told.out
     assert f"{files[1]}: vertical axis z: expected" in told.err
+
+
+@pytest.mark.parametrize(
+    ("conditions", "told"),
+    [
+        (["", ""], ["the group has 2 subjects, and"]),
+        (["", "", ""], []),
+        (["a", "a", "a", "b"], ["has 1 subject in the condition b, and"]),
+    ],
+)
+def test_conditions_with_too_few_subjects_for_an_answer_are_told(
+    tmp_path, conditions, told
+):
+    table, config = tmp_path / "group.tsv", tmp_path / "group.yaml"
+    rows = [f"s{k}\t{condition}\t" for k, condition in enumerate(conditions)]
+    table.write_text("\n".join(["subject\tcondition\tfile", *rows]) + "\n")
+    markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}"
+    config.write_text(f"study: all\nsamples: {table}\n{markers}\n")
+    found = check_module._few_subjects(str(config))
+    assert len(found) == len(told)
+    for one, words in zip(found, told, strict=True):
+        assert words in one
+        assert "takes at least 3" in one
+
+
+def test_a_marker_that_lands_as_the_feet_do_and_has_no_role_is_told(tmp_path, capsys):
+    names = ("hip1", "hip2", "hip3", "toe1", "toe2", "nose", "post")
+    file = export(tmp_path, names=names)
+    config = tmp_path / "study.yaml"
+    study = STUDY.format(file=file, unit="auto").replace("toe1, toe2, toe3", "{feet}")
+    told = f"note: {file}: nose come to rest on the floor as often and as low"
+    for feet, is_told in (("toe1, toe2", True), ("toe1, toe2, nose", False)):
+        config.write_text(study.replace("{feet}", feet))
+        assert main(["check", str(config)]) == 0
+        assert (told in capsys.readouterr().out) == is_told
+
+
+def test_a_scene_of_one_s_own_is_foretold_from_what_a_run_has_simulated(
+    tmp_path, monkeypatch, capsys
+):
+    """Before, the command that simulates it is told; of others no code is named."""
+    monkeypatch.chdir(tmp_path)
+    bodies = ["body1", "body2", "body3"]
+    feet = ["foot1", "foot2", "foot3"]
+    study = {
+        "study": "trial",
+        "recordings": [{"name": "one"}],
+        "markers": {"body": bodies, "feet": feet},
+        "simulation": {"scene": "hopper", "hops": 20},
+    }
+    config = tmp_path / "study.yaml"
+    config.write_text(yaml.safe_dump(study))
+    assert main(["check", "study.yaml"]) == 0
+    out = capsys.readouterr().out
+    kept = Path("results/trial/simulated/one.h5")
+    assert "one: simulated, 20 hops; no forecast before it is there: " in out
+    assert f"'hopdata run study.yaml --until simulate' writes {kept}, then" in out
+    assert "forecast" not in out.splitlines()
+
+    kept.parent.mkdir(parents=True)
+    file = export(tmp_path, names=(*bodies, *feet, "boom"))
+    known, _ = import_recording(file, name="one", markers=study["markers"])
+    write_recording(kept, known)
+    assert main(["check", "study.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert f"one: simulated, 20 hops, as in {kept}" in out
+    assert "forecast" in out.splitlines()
+    assert "is older than" not in out
+    os.utime(kept, (0, 0))
+    main(["check", "study.yaml"])
+    assert f"{kept} is older than study.yaml" in capsys.readouterr().out
+
+
+def test_the_command_that_simulates_a_scene_of_one_s_own_names_it(tmp_path):
+    config = {
+        "study": "s",
+        "recordings": [{"name": "one", "simulation": {}}],
+        "simulation": {"scene": "lander:Lander", "hops": 20},
+    }
+    file = tmp_path / "s.yaml"
+    (line,) = check_module._simulated(str(file), config, config["recordings"][0])
+    assert "--scene lander:Lander --until simulate'" in line
 
 
 def test_of_a_group_the_longest_study_is_foretold(tmp_path, monkeypatch, capsys):

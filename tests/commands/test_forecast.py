@@ -6,6 +6,7 @@ the study.
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -295,6 +296,7 @@ def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(
 ):
     positions = resting_at_both_ends(hopping(2, n_frames=12_000)[1], n_resting)
     whole = starting(check(positions)[1], "landings")[0].split()
+    monkeypatch.setattr(forecast, "ENOUGH", 0.0)
     monkeypatch.setattr(forecast, "MOST_FRAMES", 0.8 * len(positions))
     told = starting(check(positions)[1], "landings")[0]
     part = told.split()
@@ -372,6 +374,73 @@ def test_few_landings_are_not_told_that_a_margin_is_out_of_reach_of_many():
     assert landings == float(f"{needed:.2g}")
     far = advice(replace(few, detectable_nearest=0.6, allowed_nearest=0.21))
     assert far["commands.larger_margin"] == {"allowed": 0.21}
+
+
+def test_landings_enough_are_those_of_twice_a_size():
+    def is_of_enough(examined):
+        found = forecast.Forecast(
+            pd.DataFrame(), 1.0, judged_examined=examined, n_feet=3
+        )
+        return found.is_of_enough
+
+    assert [is_of_enough(number) for number in (299, 300, None)] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    ("allowed", "least", "most"), [(0.1, 1.0, 1.3), (0.14, 1.4, 1.3), (0.16, 1.6, None)]
+)
+def test_the_number_asked_for_has_a_range_that_widens_near_the_margin(
+    allowed, least, most
+):
+    few, config = lost_for("body stayed below the pre section", feet="abc")
+    found = replace(
+        few,
+        detectable=allowed + 0.2,
+        allowed=allowed,
+        judged=700,
+        judged_examined=320,
+        n_feet=3,
+    )
+    (change,) = (
+        one
+        for one in forecast.changes(found, config, [])
+        if one.code == "commands.record_landings"
+    )
+    for_terms = landings_for_terms(3)
+
+    def needed(left, noise_within=1.0):
+        number = for_terms + (700 - for_terms) * (0.2 / (0.2 - left)) ** 2
+        return float(f"{noise_within * number:.2g}")
+
+    assert change.values["landings"] == needed(allowed)
+    at_least = needed(allowed / least, 1 / forecast.NOISE_WITHIN)
+    assert change.values["least"] == pytest.approx(at_least, rel=0.01)
+    if most is None:
+        assert "so many that none is enough" in str(change)
+    else:
+        at_most = needed(most * allowed, forecast.NOISE_WITHIN)
+        assert change.values["most"] == f"{at_most:,.0f}"
+    assert "this rests on 320 judged landings" in str(change)
+
+
+def test_a_part_of_few_judged_landings_is_made_longer(monkeypatch):
+    """As long as there are more; then the whole study is told of."""
+    examined = []
+
+    def of_frames(config, recordings, most_frames):
+        del config, recordings
+        examined.append(most_frames)
+        n_judged = round(most_frames / 1000)
+        return forecast.Forecast(
+            pd.DataFrame(), 1.0, 0.3, judged_examined=n_judged, n_feet=3
+        )
+
+    monkeypatch.setattr(forecast, "_of_frames", of_frames)
+    monkeypatch.setattr(forecast, "MOST_FRAMES", 100_000)
+    config = {"recordings": [{"exclude": []}]}
+    recording = SimpleNamespace(time=np.arange(1_000_000))
+    assert forecast.foretell(config, [recording]).judged_examined == 400
+    assert examined == [100_000, 200_000, 400_000]
 
 
 @pytest.mark.parametrize("code", forecast.CHANGES)

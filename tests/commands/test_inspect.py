@@ -198,6 +198,8 @@ def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):
         x for x in capsys.readouterr().out.splitlines() if x.startswith("note:")
     )
     assert "3 suspects: 1 spike, 1 swap, 1 frozen marker." in note
+    assert " They lie " in note
+    assert " between contacts; first hip2 at 4.00 s, toe1 and toe2 at 7.00 s" in note
     config.write_text(text.format(clean))
     assert main(["check", str(config)]) == 0
     assert "note:" not in capsys.readouterr().out

@@ -56,6 +56,7 @@ def test_a_lab_becomes_a_group_with_all_its_trials_and_nothing_else(initialised)
     assert content["markers"]["feet"] == ["toe1", "toe2", "toe3"]
     assert "  6 of 14 files are in the study: trials with landings" in out
     assert "  3 subjects, by folder" in out
+    assert not any("an answer over subjects" in line for line in out)
 
 
 def test_each_file_left_out_is_told_with_its_reason(initialised):
@@ -136,6 +137,11 @@ def test_a_subject_before_the_names_is_told_once(folder, capsys):
     assert load_config("config/day.yaml")["markers"]["feet"] == ["toe1", "toe2", "toe3"]
 
 
+def without_breaks(file):
+    """Return the comments of a configuration in one line."""
+    return Path(file).read_text().replace("\n# ", " ")
+
+
 def test_prefixes_that_are_no_numbers_of_subjects_are_asked_about(folder, capsys):
     for k, name in enumerate(("anna_1", "anna_2", "ben_1", "ben_2")):
         write_c3d(folder / f"{name}.c3d", trial(k, n_frames=300))
@@ -143,6 +149,14 @@ def test_prefixes_that_are_no_numbers_of_subjects_are_asked_about(folder, capsys
     out = capsys.readouterr().out
     assert "2 subjects, by how the file names begin; or one subject" in out
     assert "column subject of config/day.tsv settles it" in out
+    assert (
+        "the group has 2 subjects, and an answer over subjects takes at least 3" in out
+    )
+    assert "Note: The group has 2 subjects" in without_breaks("config/day.yaml")
+    assert main(["check", "config/day.yaml"]) == 0
+    checked = capsys.readouterr().out
+    assert "note: the group has 2 subjects, and an answer over subjects" in checked
+    assert "the page of each subject stands on its own" in checked
     with open("config/day.tsv") as opened:
         rows = list(csv.DictReader(opened, delimiter="\t"))
     assert [row["subject"] for row in rows] == ["anna", "anna", "ben", "ben"]

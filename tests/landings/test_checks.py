@@ -48,6 +48,7 @@ def tables():
     faults = pd.DataFrame({"kind": []}, dtype=object)
     touchdowns = pd.DataFrame(
         {
+            "recording": "r",
             "t_pre_s": np.arange(10.0),
             "contact_f1_s": np.arange(10.0) + 0.02,
             "contact_f2_s": np.arange(10.0) + 0.03,
@@ -249,10 +250,16 @@ def test_faults_are_counted_by_kind(tables):
         ("swap", "b", 7.0),
     ]
     rows += [("spike", "b", 1.0)]  # a swap has one row per marker
-    tables["faults"] = pd.DataFrame(rows, columns=["kind", "marker", "start_s"])
+    faults = pd.DataFrame(rows, columns=["kind", "marker", "start_s"])
+    tables["faults"] = faults.assign(recording="r")
     found = judged(tables)[WHAT["faults"]]
     assert (found.status, found.value) == (LOOK, 3.0)
-    assert found.remark == "2 swaps, 1 spike"
+    assert found.remark == (
+        "2 swaps, 1 spike: 3 at a contact (within 50 ms), 0 between contacts; first "
+        "a and b at 1.00 s, a and b at 7.00 s, b at 1.00 s"
+    )
+    later = judged(tables, starts_s={"r": 0.5})[WHAT["faults"]]
+    assert "0 at a contact (within 50 ms), 3 between" in later.remark
 
 
 @pytest.mark.parametrize(("marker", "told"), [("b1", True), ("f1", False)])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +13,8 @@ import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, one_blas_thread
 from hopdata.commands import answers, terminal
-from hopdata.errors import AnalysisError, RecordingError
+from hopdata.commands.remarks import Remark, told_together
+from hopdata.errors import AnalysisError, RecordingError, counted
 from hopdata.inspecting import listing
 from hopdata.messages import Message, without_exponent
 from hopdata.recordings.external import (
@@ -23,16 +26,19 @@ from hopdata.recordings.external import (
 if TYPE_CHECKING:
     from hopdata.commands.forecast import Forecast
     from hopdata.recording import Recording
+    from hopdata.recordings.quality.inspection import Inspection
 
 # Recordings of a study that are summarised in full; of more, only the first.
 MOST_IN_FULL = 5
+
+# Stands in the name of a scene of one's own, between its module and its class.
+MODULE_IS = ":"
 
 
 @one_blas_thread()  # more threads cost more than they gain on small matrices
 def check(options: argparse.Namespace) -> int:
     """Check a configuration, read all its recordings, forecast its longest study."""
     from hopdata.commands.run import bring_bundled
-    from hopdata.config.consistency import files_of
     from hopdata.recording import require_distinct
 
     bring_bundled(Path(options.config))
@@ -45,31 +51,18 @@ def check(options: argparse.Namespace) -> int:
     print(f"study {first['study']}{group}")
     answers.give(study=first["study"], studies=len(configs), recordings=[])
     mistakes: list[str] = []
-    remarks: list[str] = []
+    found: list[Remark] = []
     of_first_study: list[Recording] = []
     for config in configs:
-        of_study: list[Recording] = []
-        for entry in config["recordings"]:
-            if not files_of(entry):
-                print(_simulated(config, entry))
-                continue
-            try:
-                recording, lines = _read(config, entry)
-            except RecordingError as error:
-                mistakes.append(_with_line(error, options.config))
-                continue
-            if config is first:
-                is_long = not of_first_study or _are_few(config)
-                summary = _summary(recording, config) if is_long else f"{recording}"
-                print("\n".join([summary, *lines]))
-                of_first_study.append(recording)
-            else:
-                print(f"study {config['study']}: {recording}")
-            answers.give_also("recordings", **_fields_of(recording, config))
-            of_study.append(recording)
-        remarks += _remarks(of_study, config)
+        of_study, wrong = _read_study(options.config, config, is_first=config is first)
+        mistakes += wrong
+        found += _remarks(of_study, config)
+        if config is first:
+            of_first_study = of_study
+            found += _left_by_config(of_study, config)
         if _n_frames(of_study) > _n_frames(longest[1]):
             longest = (config, of_study)
+    remarks = [*told_together(found), *_few_subjects(options.config)]
     answers.give(notes=remarks)
     for remark in remarks:
         terminal.note(remark)
@@ -82,6 +75,35 @@ def check(options: argparse.Namespace) -> int:
     answers.give(forecast_of=config["study"])
     print(_conclusion(options.config, config, recordings, remarks, len(configs)))
     return terminal.OK
+
+
+def _read_study(
+    file: str, config: dict[str, Any], *, is_first: bool
+) -> tuple[list[Recording], list[str]]:
+    """Read and print the recordings of a study; return them, and what is wrong."""
+    from hopdata.config.consistency import files_of
+
+    recordings: list[Recording] = []
+    mistakes = []
+    for entry in config["recordings"]:
+        if not files_of(entry):
+            print("\n".join(_simulated(file, config, entry)))
+            if not simulated_file(config, entry).is_file():
+                continue
+        try:
+            recording, lines = _read(config, entry)
+        except RecordingError as error:
+            mistakes.append(_with_line(error, file))
+            continue
+        if is_first:
+            is_long = not recordings or _are_few(config)
+            summary = _summary(recording, config) if is_long else f"{recording}"
+            print("\n".join([summary, *lines]))
+        else:
+            print(f"study {config['study']}: {recording}")
+        answers.give_also("recordings", **_fields_of(recording, config))
+        recordings.append(recording)
+    return recordings, mistakes
 
 
 def _are_few(config: Mapping[str, Any]) -> bool:
@@ -104,15 +126,38 @@ def _configs(file: str) -> list[dict[str, Any]]:
     return [load_config(study, files=[file]) for study in studies]
 
 
-def _simulated(config: dict[str, Any], entry: Mapping[str, Any]) -> str:
+def simulated_file(config: Mapping[str, Any], entry: Mapping[str, Any]) -> Path:
+    """Return where a run keeps the simulated recording of an entry."""
+    return Path("results", config["study"], "simulated", f"{entry['name']}.h5")
+
+
+def _simulated(
+    file: str, config: dict[str, Any], entry: Mapping[str, Any]
+) -> list[str]:
+    """Tell what is simulated, and whether it is there to be looked at."""
     from hopdata.config.consistency import simulation_of
 
     simulation = simulation_of(config, entry["name"])
     duration_s = simulation.get("duration_s")
     cut = "" if duration_s is None else f", cut at {duration_s:g} s"
-    hops = f"{simulation.get('hops')} hops{cut}"
-    before = "hopdata plan, some minutes, says what a verdict of so many could find"
-    return f"{entry['name']}: simulated, {hops}: {before}"
+    command = f"hopdata run {shlex.quote(file)}"
+    if MODULE_IS in simulation["scene"]:
+        # Code of one's own is run only if the command names it.
+        command += f" --scene {shlex.quote(simulation['scene'])}"
+    kept = simulated_file(config, entry)
+    values = {
+        "name": entry["name"],
+        "hops": f"{simulation.get('hops')} hops{cut}",
+        "file": kept,
+        "config": file,
+        "command": f"{command} --until simulate",
+    }
+    if not kept.is_file():
+        return [str(Message("commands.not_simulated", values))]
+    lines = [str(Message("commands.simulated", values))]
+    if kept.stat().st_mtime < Path(file).stat().st_mtime:
+        lines.append(f"  {Message('commands.simulated_before', values)}")
+    return lines
 
 
 def _read(
@@ -124,7 +169,7 @@ def _read(
     from hopdata.recordings.plausibility import check_plausible
     from hopdata.scale import extent
 
-    files = files_of(entry)
+    files = files_of(entry) or [str(simulated_file(config, entry))]
     names = ", ".join(files)
     with terminal.progress_line(f"reading {names}") as progress:
         recording, _ = import_recording(
@@ -159,7 +204,73 @@ def _with_line(error: RecordingError, config: str) -> str:
     return f"{config}, line {line}: {error}"
 
 
-def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str]:
+def _few_subjects(file: str) -> list[str]:
+    """Tell which conditions of a group have too few subjects for an answer."""
+    from hopdata.config.loading import read_yaml
+    from hopdata.samples import read_group
+
+    content = read_yaml(file)
+    if not isinstance(content, Mapping) or "samples" not in content:
+        return []
+    members = read_group(file)["members"].values()
+    counts = Counter(member["condition"] for member in members)
+    told = []
+    for condition, n_subjects in counts.items():
+        told += [str(one) for one in few_subjects(n_subjects, condition)]
+    return told
+
+
+def few_subjects(n_subjects: int, condition: str = "") -> list[Message]:
+    """Tell, of too few subjects for an answer over them, what a group gives instead."""
+    from hopdata.maps.verdict.group import LEAST_SUBJECTS
+
+    if n_subjects >= LEAST_SUBJECTS:
+        return []
+    of_condition: Message | str = ""
+    if condition:
+        of_condition = Message("commands.of_condition", {"condition": condition})
+    values = {
+        "subjects": counted(n_subjects, "subject"),
+        "of_condition": of_condition,
+        "least": LEAST_SUBJECTS,
+    }
+    return [Message("commands.few_subjects", values)]
+
+
+def _left_by_config(
+    recordings: list[Recording], config: Mapping[str, Any]
+) -> list[Remark]:
+    """Tell of markers that land as the feet do and have no role, in the first file."""
+    from hopdata.config.consistency import files_of
+    from hopdata.recordings.importing import import_recording
+    from hopdata.recordings.quality.roles import rest_as_feet
+
+    files = [file for entry in config["recordings"] for file in files_of(entry)]
+    if not recordings or not files:
+        return []
+    known = recordings[0]
+    with terminal.progress_line(f"looking for other feet in {files[0]}"):
+        whole, _ = import_recording(
+            files[0],
+            name=known.name,
+            markers=None,
+            **{**config["input"], "vertical_axis": known.vertical_axis},
+        )
+        markers = config["markers"]
+        left = rest_as_feet(
+            whole.positions,
+            whole.markers,
+            rate_hz=whole.rate_hz,
+            feet=markers["feet"],
+            used=[name for names in markers.values() for name in names or ()],
+        )
+    if not left:
+        return []
+    values = {"markers": ", ".join(left)}
+    return [Remark(files[0], str(Message("commands.left_by_config", values)))]
+
+
+def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[Remark]:
     """Return what should be known of a study's recordings: faults, what is unsure."""
     from hopdata.commands.contacts import one_of_a_kind
     from hopdata.config.consistency import effect_methods
@@ -171,12 +282,14 @@ def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[str
     effects = study_effects(recordings, Methods(**effect_methods(config)))
     remarks = []
     for recording, of_recording in zip(recordings, effects, strict=True):
-        remarks += one_of_a_kind(recording, notes(recording))
-        remarks += [f"{place_of(recording)}: {effect}" for effect in of_recording]
-        remarks += _suspects(recording, config["input"]["rate_hz"])
+        told = one_of_a_kind(recording, notes(recording))
+        told += [str(effect) for effect in of_recording]
+        told += _suspects(recording, config["input"]["rate_hz"])
         floor_moves = moving(recording)
         if floor_moves:
-            remarks.append(f"{place_of(recording)}: {floor_moves}")
+            told.append(floor_moves)
+        place = place_of(recording)
+        remarks += [Remark.of(place, text) for text in told]
     return remarks
 
 
@@ -194,9 +307,30 @@ def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
         lines += [str(one) for one in asked]
     lines += [str(one) for one in found.lost]
     if found.faults.count or len(found.timing.irregular) or found.lost:
-        suspects = {"answer": listing.answer(found)}
-        lines.append(str(Message("commands.see_inspect", suspects)))
-    return [f"{place}: {line}" for line in lines]
+        lines.append(str(_answer_and_places(recording, found)))
+    return lines
+
+
+def _answer_and_places(recording: Recording, found: Inspection) -> Message:
+    """Return what looks wrong, and whether it lies at contacts or between them."""
+    from hopdata.landings.contacts.find import find_landings
+    from hopdata.landings.fault_places import fault_places
+    from hopdata.landings.floor import fit_floor, level
+    from hopdata.recordings.quality.inspection import fault_table
+
+    values: dict[str, object] = {"answer": listing.answer(found)}
+    places = None
+    try:
+        landings = find_landings(level(recording, fit_floor(recording)))
+        landings = landings.assign(recording=recording.name)
+        starts_s = {recording.name: float(recording.time[0])}
+        places = fault_places(fault_table(recording, found), landings, starts_s)
+    except AnalysisError:
+        # The forecast tells what is wrong with the landings.
+        pass
+    if places is None:
+        return Message("commands.see_inspect", values)
+    return Message("commands.see_inspect_places", {**values, "places": places})
 
 
 def _conclusion(

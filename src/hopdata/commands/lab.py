@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import one_blas_thread
 from hopdata.commands import init as of_files
 from hopdata.commands import terminal
+from hopdata.commands.check import few_subjects
 from hopdata.errors import AnalysisError, HopdataError, RecordingError, counted
 from hopdata.inspecting.guesses import with_effects
 from hopdata.jobs import study_name
@@ -437,6 +438,8 @@ def _notes(
         notes.append(Message("commands.folder_subjects", values))
     else:
         notes.append(Message("commands.folder_one_subject", values))
+    if len(subjects.distinct) > 1:
+        notes += few_subjects(len(subjects.distinct))
     name, n_files = Counter(subjects.names).most_common(1)[0]
     if len(subjects.distinct) > 1 and n_files > 1:
         pooled = {"files": counted(n_files, "file"), "subject": name, "table": table}

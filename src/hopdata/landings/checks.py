@@ -18,6 +18,7 @@ from hopdata.errors import counted, with_names
 from hopdata.landings.contacts.altered import FILTER_DELAYS
 from hopdata.landings.contacts.remarks import one_for_all_feet
 from hopdata.landings.exclusion import reason_of
+from hopdata.landings.fault_places import fault_places
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.messages import Message, without_exponent
 
@@ -143,6 +144,7 @@ def check_study(  # noqa: PLR0913 - all that is checked, each by its name
     expected_noise_m: float | None = None,
     other_feet: bool = False,
     contact_remarks: Sequence[Message] = (),
+    starts_s: Mapping[str, float] = MappingProxyType({}),
 ) -> list[Check]:
     """Judge a study by its tables.
 
@@ -164,6 +166,8 @@ def check_study(  # noqa: PLR0913 - all that is checked, each by its name
         in which none of the study's feet landed then do not count against it.
     contact_remarks : sequence of Message
         From `hopdata.landings.contacts.remarks`.
+    starts_s : mapping
+        Time of the first frame of each recording, s, by name; 0 by default.
     """
     drifts = _drift(drift)
     moves = []
@@ -173,7 +177,7 @@ def check_study(  # noqa: PLR0913 - all that is checked, each by its name
             moves.append(Message("landings.and_floor", values))
     return [
         _seen(markers),
-        _faults(faults),
+        _faults(faults, touchdowns, starts_s),
         _noise(markers, expected_noise_m),
         _used(markers, touchdowns, other_feet),
         _contact_errors(touchdowns, contact_remarks),
@@ -222,8 +226,13 @@ def _seen(markers: pd.DataFrame) -> Check:
     return _check(SEEN, share, Message("landings.least_seen", values))
 
 
-def _faults(faults: pd.DataFrame) -> Check:
+def _faults(
+    faults: pd.DataFrame, touchdowns: pd.DataFrame, starts_s: Mapping[str, float]
+) -> Check:
     """Ask how many faults the recordings have; one of several markers counts once."""
+    places = None
+    if len(faults):
+        places = fault_places(faults, touchdowns, starts_s)
     faults = faults.drop(columns="marker", errors="ignore").drop_duplicates()
     kinds = faults["kind"].value_counts()
     if len(kinds):
@@ -234,7 +243,10 @@ def _faults(faults: pd.DataFrame) -> Check:
         remark = Message("landings.faults", {"counts": counts})
     else:
         remark = Message("landings.no_faults")
-    return _check(FAULTS, float(len(faults)), remark)
+    remarks = [remark]
+    if places is not None:
+        remarks.append(Message("landings.and_fault_places", {"places": places}))
+    return _check(FAULTS, float(len(faults)), *remarks)
 
 
 def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:

@@ -1,6 +1,6 @@
 """Size, interval, bound and detectable size for kinks with a known error."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import permutations
 
 import numpy as np
@@ -11,6 +11,7 @@ from hopdata.maps.verdict.effect import (
     SHOWN_SCATTER,
     EffectSize,
     contrasts,
+    detectable_in,
     effect_size,
     landings_needed,
     relative_size,
@@ -127,6 +128,40 @@ def test_half_the_difference_takes_four_times_the_landings_beyond_the_terms():
     assert (
         landings_needed(1000, 0.2, LEFT, 0.9, 3) == 150
     )  # those for second-order terms
+
+
+def size_with(**values):
+    """Return a size with these values, and others that do not matter."""
+    names = [one.name for one in fields(EffectSize)]
+    return EffectSize(**{**dict.fromkeys(names, 0.0), **values})
+
+
+@pytest.mark.parametrize("feet", [2, 3, 5])
+def test_what_other_landings_detect_is_the_number_needed_turned_round(feet):
+    """A part of a study asks for as many landings as the whole of it."""
+    size = size_with(
+        detectable=0.4, allowed=0.16, detectable_nearest=0.5, allowed_nearest=0.1
+    )
+    asked = size.landings_needed(300, 0.2, feet)
+    at_needed = size.in_landings(300, asked, feet)
+    assert at_needed.detectable == pytest.approx(0.2, abs=1e-4)
+    assert at_needed.allowed == 0.1  # of the nearest, which show it first
+    for others in (300, 500, 2000):
+        of_others = size.in_landings(300, others, feet)
+        again = of_others.landings_needed(others, 0.2, feet)
+        assert again == pytest.approx(asked, abs=2)
+    # The root of the share of all landings, as it was, asks for others.
+    of_root = 0.1 + 0.4 * np.sqrt(300 / 2000)
+    assert landings_needed(2000, of_root, 0.1, 0.2, feet) > 1.15 * asked
+
+
+def test_too_few_landings_for_the_smooth_terms_detect_nothing():
+    assert detectable_in(60, 300, 0.4, 0.1, 3) == np.inf
+    same = size_with(
+        detectable=0.4, allowed=0.2, detectable_nearest=0.3, allowed_nearest=0.1
+    )
+    # The window of a study itself was chosen by more than the size.
+    assert same.in_landings(300, 300, 3) == same
 
 
 def test_of_two_windows_the_one_that_needs_less_is_planned_for():

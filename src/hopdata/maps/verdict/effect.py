@@ -40,6 +40,7 @@ __all__ = [
     "Ends",
     "at_the_contact",
     "contrasts",
+    "detectable_in",
     "effect_size",
     "interval",
     "landings_needed",
@@ -177,6 +178,29 @@ class EffectSize(Shown):
             allowed_nearest=self.allowed_nearest,
         )
 
+    def in_landings(self, landings: int, others: int, feet: int) -> "EffectSize":
+        """Return this size with what other landings of the same kind would detect.
+
+        The window is the one that shows the smaller difference there.
+
+        Parameters
+        ----------
+        landings, feet
+            Number of landings that this size is of, and number of feet.
+        others
+            Number of the other landings.
+        """
+        detectable = detectable_in(
+            others, landings, self.detectable, self.allowed, feet
+        )
+        nearest = detectable_in(
+            others, landings, self.detectable_nearest, self.allowed_nearest, feet
+        )
+        scaled = replace(self, detectable=detectable, detectable_nearest=nearest)
+        if others > landings and nearest < detectable:
+            scaled = replace(scaled, detectable=nearest, allowed=self.allowed_nearest)
+        return scaled
+
     def landings_for_bound(
         self, landings: int, difference: float, feet: int
     ) -> int | None:
@@ -200,7 +224,7 @@ class EffectSize(Shown):
         if wanted <= self.estimate:
             return None
         for_terms = inputs.landings_for_terms(feet)
-        free = max(0.0, landings - for_terms)
+        free = _free_landings(landings, feet)
         share = max(0.0, beyond) / (wanted - self.estimate)
         return int(np.ceil(for_terms + free * share**2))
 
@@ -503,7 +527,7 @@ def landings_needed(
     if detectable_nearest is not None and allowed_nearest is not None:
         windows.append((detectable_nearest, allowed_nearest))
     for_terms = inputs.landings_for_terms(feet)
-    free = max(0.0, landings - for_terms)
+    free = _free_landings(landings, feet)
     needs = []
     for shown, left in windows:
         if difference > left:
@@ -514,3 +538,34 @@ def landings_needed(
         least = f"numbers above {least_allowed:.2g}, as much as smooth terms may leave"
         raise AnalysisError(f"differences: expected {least}, found {difference}")
     return max(inputs.least_landings(feet), min(needs))
+
+
+def detectable_in(
+    others: int, landings: int, detectable: float, allowed: float, feet: int
+) -> float:
+    """Return what another number of landings detects: `landings_needed` turned round.
+
+    Parameters
+    ----------
+    others
+        Number of landings that is asked about.
+    landings, feet
+        Number of landings that the sizes are of, and number of feet.
+    detectable, allowed
+        As in `EffectSize`.
+
+    Returns
+    -------
+    float
+        Share of the map; infinite if the others are too few to pay for smooth terms.
+    """
+    free = _free_landings(others, feet)
+    if not free:
+        return math.inf
+    beyond = max(0.0, detectable - allowed)
+    return allowed + beyond * math.sqrt(_free_landings(landings, feet) / free)
+
+
+def _free_landings(landings: int, feet: int) -> float:
+    """Return the number of landings beyond those that pay for the smooth terms."""
+    return max(0.0, landings - inputs.landings_for_terms(feet))

@@ -609,6 +609,12 @@ def _gap_rows(recording: Recording, found: Inspection) -> Iterator[tuple[Any, ..
             )
 
 
+def fault_table(recording: Recording, found: Inspection) -> pd.DataFrame:
+    """Return the faults of a recording, a row per fault and marker."""
+    rows = [*_fault_rows(recording, found)]
+    return pd.DataFrame(rows, columns=list(COLUMNS["faults"]))
+
+
 def _fault_rows(recording: Recording, found: Inspection) -> Iterator[tuple[Any, ...]]:
     times = _times_of_boundaries(recording)
     pauses = is_pause(recording.time, recording.rate_hz)
