@@ -85,7 +85,7 @@ def _share_of_other(
 
     noise_m = trials.at(noises(laws))[:, None]
     gain = (first.evidence - other.evidence) / (2 * noise_m**2)
-    with np.errstate(invalid="ignore"):  # both infinite: neither is determined
+    with np.errstate(invalid="ignore", divide="ignore"):  # undetermined: infinite
         gain += np.log(other.unit_se / first.unit_se)
     return np.asarray(np.nan_to_num(expit(gain)))
 
