@@ -39,7 +39,7 @@ def likelier_fits(trials: Trials, fits: KinkFits, laws: Laws) -> KinkFits:
     asked = _lack_frames(trials, fits.instant)
     asked |= is_odd(fits, trials.at(noises(laws))[:, None])
     asked &= np.isfinite(earliest) & np.isfinite(fits.instant)
-    rows = asked.any(axis=1)
+    rows = np.asarray(asked.any(axis=1))
     if not rows.any():
         return fits
     asked = asked[rows]
@@ -58,7 +58,7 @@ def likelier_fits(trials: Trials, fits: KinkFits, laws: Laws) -> KinkFits:
     choice_s = np.sqrt(wrong) * np.nan_to_num(apart_s)
     unit_choice = choice_s / some.at(noises(laws))[:, None]
     chosen = replace(chosen, unit_se=np.hypot(chosen.unit_se, unit_choice))
-    moves = two_tops.any(axis=1)
+    moves = np.asarray(two_tops.any(axis=1))
     rows[rows] = moves
     return _with_rows(fits, taken(chosen, moves), rows)
 
