@@ -30,6 +30,7 @@ from hopdata.landings.contacts.law import (
     noises,
 )
 from hopdata.landings.contacts.learning import FEW, learn, pooled_noises
+from hopdata.landings.contacts.likelier import likelier_fits
 from hopdata.landings.contacts.partly import partly_errors
 from hopdata.landings.contacts.softness import STANCE_LANDINGS, with_softness
 
@@ -216,7 +217,7 @@ def joint_fits(
         by_strikes = _laws_and_instants(trials, alone, striking, own=learns_own)
         if _fits_better(trials, by_strikes, (laws, instant)):
             laws, instant = by_strikes
-    by_law = trials.fits(instant, laws)
+    by_law = likelier_fits(trials, trials.fits(instant, laws), laws)
     fits, of_softness = with_softness(trials, by_law, laws, alike=True)
     return JointFits(fits, of_softness, by_law, laws, weak)
 

@@ -128,7 +128,7 @@ class FootHeights:
             search_s = max(WIDE_SEARCH_S, WIDE_SEARCH_FRAMES * self._frame_s)
         else:
             search_s = max(SEARCH_S, SEARCH_FRAMES * self._frame_s)
-        earliest = self._earliest_within(near + search_s)
+        earliest = self.earliest_until(near + search_s)
         fits = kink_fits(
             self.time,
             self.heights,
@@ -160,8 +160,10 @@ class FootHeights:
         in_order = np.sort(self.earliest, axis=0)
         return [np.insert(of_foot, 0, -np.inf) for of_foot in in_order.T]
 
-    def _earliest_within(self, latest: FloatArray) -> FloatArray:
+    def earliest_until(self, latest: FloatArray) -> FloatArray:
         """Return each foot's last earliest instant that is not after `latest` (L, n).
+
+        It is -inf where there is none.
 
         Rows of `latest` may be some of the landings only, so they are found by time.
         """
@@ -214,6 +216,11 @@ class Trials:
     def earliest(self) -> FloatArray:
         """Instants before which a foot is too high to touch, (L, n), s."""
         return np.concatenate([one.earliest for one in self.feet])
+
+    def earliest_until(self, latest: FloatArray) -> FloatArray:
+        """Return earliest instants (L, n), s: see `FootHeights.earliest_until`."""
+        parts = zip(self.feet, self.each(latest), strict=True)
+        return np.concatenate([one.earliest_until(own) for one, own in parts])
 
     def each(self, values: NDArray[Any]) -> list[NDArray[Any]]:
         """Return the part of each recording of values (L, ...)."""
