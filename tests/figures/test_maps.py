@@ -97,8 +97,9 @@ def test_a_bent_line_tells_where_its_slope_goes():
     assert label == "hopper, slope 1.73, at the end 1.79"
 
 
-def test_without_an_exact_map_the_estimates_are_compared():
-    figure = matrices_figure(ESTIMATES, ALL_REMOVED)
+@pytest.mark.parametrize("exact", [None, pd.DataFrame(columns=["input", "output"])])
+def test_without_an_exact_map_the_estimates_are_compared(exact):
+    figure = matrices_figure(ESTIMATES, ALL_REMOVED, exact)
     shown = images(figure)
     assert len(shown) == 3
     np.testing.assert_allclose(shown[2][1].get_array(), 0.25, atol=1e-12)

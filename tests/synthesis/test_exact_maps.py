@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError
+from hopdata.hybrid.first_order.linearise import Instant
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
+from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
 from hopdata.synthesis.exact_maps import (
+    _flown,
+    _to_post_section,
     homed,
     leg_slopes,
     section_jacobians,
@@ -164,6 +168,24 @@ def test_tangents_stay_on_the_section_and_change_one_coordinate_each():
             input_coordinates(state + s * tangent, centre) for s in (step, -step)
         )
         np.testing.assert_allclose((ahead - back) / (2 * step), np.eye(8)[k], atol=1e-8)
+
+
+@pytest.mark.parametrize("rounding_m", [-1e-13, 0.0, 1e-13])
+def test_rounding_does_not_decide_on_which_side_the_feet_begin(rounding_m):
+    """A foot that stands, but is above the floor by rounding, would flip back and forth."""
+    control = CONTROLS["coupling"]
+    landing = simultaneous_landing(HOPPER, control, apexes())
+    system = HOPPER.system(control)
+    vector = HOPPER.vector(None, control)
+    t_span = (0.0, landing.contact_time_s)
+    touching = _flown(system, vector, t_span, landing.apex_state).y_end
+    touching[2] += rounding_m
+    mode = flight_mode(system, -1.0)
+    mode[: HOPPER.n_legs] = 1
+    start = Instant(landing.contact_time_s, touching, mode, vector)
+    flow, post = _to_post_section(HOPPER, control, SECTIONS, start)
+    assert flow.shape == (12, system.n_states)
+    assert post[8] < 0.0
 
 
 def test_what_cannot_be_is_refused():

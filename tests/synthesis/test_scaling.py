@@ -1,6 +1,7 @@
 """Scaled landings of the hopper and of its controls: what decides whether a map is C1."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hopdata.scenes.scene import Control
 from hopdata.synthesis import simulate_recording
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import (
+    UNKNOWN,
     KnownScene,
     common_scene,
     exact_maps,
@@ -158,6 +160,15 @@ def test_schedules_and_spreads_are_those_of_the_truth(study):
     assert states.schedule.tolist() == names
     np.testing.assert_allclose(states.spread_s, instants.std(axis=1), rtol=0, atol=1e-9)
     assert np.all(np.diff(states.touchdown) > 0)
+
+
+def test_without_exact_maps_the_reason_is_given(study):
+    """A pre section below the contacts: the study goes on without them."""
+    _, truth, sections, _ = study
+    low = replace(sections, pre_m=sections.post_m + 0.01)
+    found = exact_maps([truth], low)
+    assert [*found] == [UNKNOWN]
+    assert "contact below the pre section" in found[UNKNOWN]
 
 
 def test_exact_maps_are_plain_data(study):

@@ -87,6 +87,7 @@ rule score:
             if SIMULATED
             else []
         ),
+        maps=f"{RESULTS}/maps/exact_maps.json" if SIMULATED else [],
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=f"{RESULTS}/sections.json",

@@ -6,6 +6,7 @@ from hopdata.jobs import read_json, read_table, reported, write_json
 from hopdata.landings.floor_surface import FloorModel
 from hopdata.maps.truth.scoring import score
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth
+from hopdata.synthesis.scaling import UNKNOWN
 
 with reported(snakemake.log[0], snakemake.input, snakemake.output):
     source = snakemake.input
@@ -15,6 +16,9 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
     distances = None
     if source.distances:
         distances = read_table(source.distances)
+    without_exact_maps = ""
+    if source.maps:
+        without_exact_maps = read_json(source.maps).get(UNKNOWN, "")
     entries = score(
         {name: truth for name, truth in truths.items() if truth is not None},
         floors={
@@ -27,5 +31,6 @@ with reported(snakemake.log[0], snakemake.input, snakemake.output):
         prediction_summary=read_table(source.prediction),
         distance_summary=distances,
         exact={Path(path).stem: read_table(path) for path in source.exact},
+        without_exact_maps=without_exact_maps,
     )
     write_json(snakemake.output.truth, entries)

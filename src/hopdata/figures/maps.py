@@ -54,7 +54,7 @@ def matrices_figure(
         Contents of ``map_estimates.json``: the number of landings, and how much noise
         the corrected map allows for.
     exact : DataFrame, optional
-        The same without ``estimator``, if the exact map is known.
+        The same without ``estimator``, if the exact map is known; else without rows.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def matrices_figure(
         "least squares,\nas printed": _sure(printed, printed_error),
         _corrected_for(details): _sure(best, error),
     }
-    if exact is None:
+    if exact is None or exact.empty:
         differences = {"printed\nminus corrected": _sure(printed - best, error)}
     else:
         true, _ = _matrix(exact)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.feet import order_name
 from hopdata.hybrid import Solution, System, solve
@@ -53,6 +53,10 @@ LEGS_APART_M = 2e-6
 #: Step of the differences by the lengths of legs; smaller, so that no order changes.
 #: Unit: m. Origin: derived: a quarter of `LEGS_APART_M`.
 LEG_STEP_M = LEGS_APART_M / 4
+#: Time that all feet move on after they have touched at once, before their guards are
+#: watched: till then `SAME_INSTANT_S` decides on which side of its surface a foot is.
+#: Unit: s. Origin: chosen: a foot of 1 m/s moves by 1 um, where 1e-13 m are not sure.
+PAST_CONTACT_S = 1e-6
 #: Most corrections of a simultaneous contact before it is given up.
 #: Unit: 1. Origin: chosen.
 MOST_STEPS = 20
@@ -168,10 +172,20 @@ def _flown(
     system: System, vector: FloatArray, t_span: tuple[float, float], state: FloatArray
 ) -> Solution:
     """Fly with all legs up, carrying the derivative with respect to the state."""
-    start = padded(state, system)
-    mode = flight_mode(system, -1.0).tolist()
+    mode = flight_mode(system, -1.0)
+    return _moved(system, vector, t_span, padded(state, system), mode)
+
+
+def _moved(
+    system: System,
+    vector: FloatArray,
+    t_span: tuple[float, float],
+    start: FloatArray,
+    mode: IntArray,
+) -> Solution:
+    """Move in one mode, whatever the guards, and carry the derivative."""
     flying = flying_system(system)
-    return solve(flying, t_span, start, params=vector, mode=mode, **EXACTLY)
+    return solve(flying, t_span, start, params=vector, mode=mode.tolist(), **EXACTLY)
 
 
 def _slopes(solution: Solution) -> FloatArray:
@@ -366,8 +380,10 @@ def _to_post_section(
         height_m=sections.post_m,
     )
     vector = vectors[0]
-    t_span = (start.t, start.t + landings.LONGEST_S)
-    begin = np.append(start.y, [start.t] * n)
+    past_s = start.t + PAST_CONTACT_S
+    past = _moved(own, start.params, (start.t, past_s), start.y, start.mode)
+    t_span = (past_s, start.t + landings.LONGEST_S)
+    begin = np.append(past.y_end, [start.t] * n)
     stance = solve(system, t_span, begin, params=vector, mode=mode.tolist(), **EXACTLY)
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
         wanted = f"the body to sink to the post section ({sections.post_m:.4g} m)"
@@ -375,6 +391,7 @@ def _to_post_section(
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
     post = stance.y_end[:N_STATES]
     flow = np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
+    flow = flow @ np.asarray(past.jacobian)
     rate = field_at(system, end)[:N_STATES]
     gradient = landings.height_slope(post, sections.centre_m)
     return project_onto_section(flow, rate, gradient), post

@@ -11,6 +11,7 @@ from hopdata.maps.corrected.estimates import estimate_maps
 from hopdata.maps.truth.maps import (
     estimate_errors,
     exact_map,
+    exact_table,
     input_root,
     judged,
     largest_difference,
@@ -264,6 +265,13 @@ def test_score_says_whether_the_interval_holds_the_truth(true, covered):
     entries = score_verdict(verdict_errors(true, ANSWER))
     assert entries["verdict_true_effect"]["value"] == true
     assert entries["verdict_interval_covers"]["value"] is covered
+
+
+def test_without_exact_maps_nothing_is_compared():
+    assert score_verdict(verdict_errors(None, ANSWER)) == {}
+    estimates = {"maps": {"printed": {"what": "", "coefficients": []}}, "n_landings": 9}
+    assert estimate_errors(None, estimates).empty
+    assert exact_table(None).empty
 
 
 def test_no_answer_is_not_scored():

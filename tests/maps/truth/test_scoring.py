@@ -284,6 +284,22 @@ def test_distances_are_scored_only_if_they_were_made():
     assert "random_clearance" not in score({"hopper": item}, **of)
 
 
+def test_why_there_are_no_exact_maps_is_told():
+    item = known(np.random.default_rng(8))
+    of = {
+        "floors": {"hopper": fitted(item.floor_at_contacts)},
+        "feet": FEET,
+        "tables": {"kink": touchdowns(item, item.contact_times)},
+        "sections": sections(0.5, 0.3),
+        "recordings": {},
+        "prediction_summary": pd.DataFrame({"model": ["all"], "median_mse": [3.0]}),
+    }
+    found = score({"hopper": item}, **of, without_exact_maps="feet never land at once")
+    assert found["exact_maps"]["value"] is False
+    assert found["exact_maps"]["what"].endswith("feet never land at once")
+    assert "exact_maps" not in score({"hopper": item}, **of)
+
+
 def test_the_true_difference_that_a_file_states_is_told():
     item = known(np.random.default_rng(8))
     stated = replace(item, true_effect=0.31)

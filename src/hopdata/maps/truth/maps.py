@@ -131,6 +131,13 @@ class ExactMap:
         return coefficient_table(self.coefficients, sd, self.weights)
 
 
+def exact_table(exact: ExactMap | None) -> pd.DataFrame:
+    """Return the table of an exact map, with no rows if there is none."""
+    if exact is None:
+        return pd.DataFrame(columns=["input", "output", "value", "standardised"])
+    return exact.table()
+
+
 @one_blas_thread()
 def exact_map(
     exact: Mapping[str, Any],
@@ -206,16 +213,21 @@ def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
 
 
 @one_blas_thread()
-def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFrame:
+def estimate_errors(
+    exact: ExactMap | None, estimates: Mapping[str, Any]
+) -> pd.DataFrame:
     """Return the errors of the estimates of ``map_estimates.json``.
 
     Returns
     -------
     DataFrame
-        Columns estimator, what, landings, error.
+        Columns estimator, what, landings, error; no rows without an exact map.
     """
+    compared: dict[str, Any] = estimates["maps"]
+    if exact is None:
+        compared = {}
     rows = []
-    for name, one in estimates["maps"].items():
+    for name, one in compared.items():
         error = exact.error(np.array(one["coefficients"]))
         rows.append((name, one["what"], estimates["n_landings"], error))
     return pd.DataFrame(rows, columns=["estimator", "what", "landings", "error"])
@@ -308,14 +320,14 @@ def marker_motions(points_m: FloatArray) -> FloatArray:
     return motions
 
 
-def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
+def verdict_errors(true: float | None, verdict: Mapping[str, Any]) -> pd.DataFrame:
     """Return one row with the true effect and that of ``verdict.json``.
 
     Returns
     -------
     DataFrame
         Columns true_effect, estimate, low, high, upper_bound, detectable, p_value,
-        conclusion; no rows if the verdict has no answer.
+        conclusion; no rows if the verdict has no answer, or the truth is unknown.
     """
     columns = [
         "true_effect",
@@ -327,7 +339,7 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
         "p_value",
     ]
     rows = []
-    if verdict["effect"]:
+    if verdict["effect"] and true is not None:
         # Without an upper end there is none: null in the file.
         row = {"true_effect": true, "conclusion": verdict["conclusion"]}
         rows.append(row | verdict["effect"])

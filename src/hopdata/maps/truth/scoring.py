@@ -354,6 +354,7 @@ def score(  # noqa: PLR0913 - every kind of result that is scored
     prediction_summary: pd.DataFrame,
     distance_summary: pd.DataFrame | None = None,
     exact: Mapping[str, pd.DataFrame] | None = None,
+    without_exact_maps: str = "",
 ) -> Entries:
     """Score a study against the truth of its recordings.
 
@@ -377,10 +378,16 @@ def score(  # noqa: PLR0913 - every kind of result that is scored
     exact
         Tables ``state_errors``, ``scaling_study``, ``estimate_errors`` and
         ``verdict_errors``, if all recordings of the study are simulated.
+    without_exact_maps
+        Why these have no exact maps to compare with; empty if they have.
     """
     if not known:
         return {}
     entries: Entries = {}
+    if without_exact_maps:
+        unit, what = maps.TOLD["study"]["exact_maps"]
+        said = what.format(reason=without_exact_maps)
+        entries["exact_maps"] = entry(False, unit, said)
     if exact:
         entries |= maps.score_verdict(exact["verdict_errors"])
     else:
