@@ -91,7 +91,7 @@ ABOVE = {
     },
     "saved": {"group", "line", "maps", "report", "stages", "walk"},
     "samples": {"config", "maps"},
-    "group": {"config", "maps", "report", "walk"},
+    "group": {"config", "landings", "maps", "report", "walk"},
 }
 HEAVY = {
     "pandas",

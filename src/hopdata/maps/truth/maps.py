@@ -223,13 +223,11 @@ def estimate_errors(
     DataFrame
         Columns estimator, what, landings, error; no rows without an exact map.
     """
-    compared: dict[str, Any] = estimates["maps"]
-    if exact is None:
-        compared = {}
     rows = []
-    for name, one in compared.items():
-        error = exact.error(np.array(one["coefficients"]))
-        rows.append((name, one["what"], estimates["n_landings"], error))
+    if exact is not None:
+        for name, one in estimates["maps"].items():
+            error = exact.error(np.array(one["coefficients"]))
+            rows.append((name, one["what"], estimates["n_landings"], error))
     return pd.DataFrame(rows, columns=["estimator", "what", "landings", "error"])
 
 
