@@ -423,6 +423,30 @@ def test_the_number_asked_for_has_a_range_that_widens_near_the_margin(
     assert "this rests on 320 judged landings" in str(change)
 
 
+def test_no_more_is_asked_for_where_the_landings_may_be_enough():
+    """By the range of the forecast; with noise that is too much for it, more is."""
+    few, config = lost_for("body stayed below the pre section", feet="abc")
+
+    def advice(beyond):
+        found = replace(
+            few,
+            detectable=0.15 + beyond,
+            allowed=0.15,
+            judged=700,
+            judged_examined=320,
+            n_feet=3,
+        )
+        changes = forecast.changes(found, config, [])
+        return {change.code: change for change in changes}
+
+    may_do = advice(0.08)
+    assert "commands.record_landings" not in may_do
+    assert may_do["commands.landings_may_do"].values["judged"] == 700
+    more = advice(0.2)
+    assert "commands.landings_may_do" not in more
+    assert more["commands.record_landings"].values["least"] > 700
+
+
 def test_a_part_of_few_judged_landings_is_made_longer(monkeypatch):
     """As long as there are more; then the whole study is told of."""
     examined = []

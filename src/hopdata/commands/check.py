@@ -267,7 +267,7 @@ def _left_by_config(
     if not left:
         return []
     values = {"markers": ", ".join(left)}
-    return [Remark(files[0], str(Message("commands.left_by_config", values)))]
+    return [Remark(files[0], Message("commands.left_by_config", values))]
 
 
 def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[Remark]:
@@ -275,7 +275,7 @@ def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[Rem
     from hopdata.commands.contacts import one_of_a_kind
     from hopdata.config.consistency import effect_methods
     from hopdata.landings.effects import Methods, study_effects
-    from hopdata.landings.floor import moving
+    from hopdata.landings.floor import moving_messages
     from hopdata.recording import place_of
     from hopdata.recordings.plausibility import notes
 
@@ -283,32 +283,29 @@ def _remarks(recordings: list[Recording], config: Mapping[str, Any]) -> list[Rem
     remarks = []
     for recording, of_recording in zip(recordings, effects, strict=True):
         told = one_of_a_kind(recording, notes(recording))
-        told += [str(effect) for effect in of_recording]
+        told += of_recording
         told += _suspects(recording, config["input"]["rate_hz"])
-        floor_moves = moving(recording)
-        if floor_moves:
-            told.append(floor_moves)
+        told += moving_messages(recording)
         place = place_of(recording)
-        remarks += [Remark.of(place, text) for text in told]
+        remarks += [Remark(place, text) for text in told]
     return remarks
 
 
-def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
-    """Return a line on suspect data of the study's markers; ask for a missing rate."""
+def _suspects(recording: Recording, rate_hz: float | None) -> list[Message]:
+    """Return messages on suspect data of the markers; ask for a missing rate."""
     from hopdata.recording import place_of
     from hopdata.recordings.quality.inspection import inspect
 
     place = place_of(recording)
     with terminal.progress_line(f"looking for faults in {place}"):
         found = inspect(recording)
-    lines = []
+    told: list[Message] = []
     if not rate_hz:
-        asked = listing.question("input.rate_hz", found.rate)
-        lines += [str(one) for one in asked]
-    lines += [str(one) for one in found.lost]
+        told += listing.question("input.rate_hz", found.rate)
+    told += found.lost
     if found.faults.count or len(found.timing.irregular) or found.lost:
-        lines.append(str(_answer_and_places(recording, found)))
-    return lines
+        told.append(_answer_and_places(recording, found))
+    return told
 
 
 def _answer_and_places(recording: Recording, found: Inspection) -> Message:
@@ -319,12 +316,15 @@ def _answer_and_places(recording: Recording, found: Inspection) -> Message:
     from hopdata.recordings.quality.inspection import fault_table
 
     values: dict[str, object] = {"answer": listing.answer(found)}
+    faults = fault_table(recording, found)
+    if not (faults["marker"].fillna("") != "").any():
+        return Message("commands.see_inspect", values)
     places = None
     try:
         landings = find_landings(level(recording, fit_floor(recording)))
         landings = landings.assign(recording=recording.name)
         starts_s = {recording.name: float(recording.time[0])}
-        places = fault_places(fault_table(recording, found), landings, starts_s)
+        places = fault_places(faults, landings, starts_s)
     except AnalysisError:
         # The forecast tells what is wrong with the landings.
         pass
@@ -342,8 +342,12 @@ def _conclusion(
 ) -> str:
     """Forecast the study if it has all its recordings; tell whether it can be run."""
     why_not = ""
-    if len(recordings) == len(config["recordings"]):
+    n_missing = len(config["recordings"]) - len(recordings)
+    if not n_missing:
         why_not = _foretell(config, recordings)
+    elif recordings:
+        missing = {"missing": n_missing, "recordings": len(config["recordings"])}
+        why_not = str(Message("commands.some_not_simulated", missing))
     answers.give(but=why_not or None)
     if why_not and n_studies > 1:
         values = {"study": config["study"], "studies": n_studies, "but": why_not}

@@ -414,7 +414,7 @@ def _notes_on(recording: Recording) -> list[str]:
     check_fall(recording)
     check_upright(recording)
     of_contacts = [note for note in notes(recording) if not _is_of_maps(note)]
-    return one_of_a_kind(recording, of_contacts)
+    return [str(note) for note in one_of_a_kind(recording, of_contacts)]
 
 
 def _is_of_maps(note: Message) -> bool:
@@ -423,22 +423,22 @@ def _is_of_maps(note: Message) -> bool:
     return isinstance(remark, Message) and remark.code in OF_MAPS
 
 
-def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
-    """Return notes in words, with one note for all of a kind."""
+def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[Message]:
+    """Return notes, with one note for all of a kind."""
     from hopdata.recording import place_of
 
     told = []
     several: dict[str, list[str]] = {}
-    alone: dict[str, str] = {}
+    alone: dict[str, Message] = {}
     for note in notes:
         remark = note.values.get("remark")
         if not isinstance(remark, Message) or remark.code not in KINDS:
-            told.append(str(note))
+            told.append(note)
             continue
         kind = KINDS[remark.code]
         short = SHORT[remark.code].format_map(remark.values)
         several.setdefault(kind, []).append(short)
-        alone[kind] = str(note)
+        alone[kind] = note
     for kind, shorts in several.items():
         if len(shorts) == 1 and kind != MARKERS_UNSEEN:
             told.append(alone[kind])
@@ -447,7 +447,7 @@ def one_of_a_kind(recording: Recording, notes: Sequence[Message]) -> list[str]:
         if len(shorts) > MOST_OF_A_KIND:
             listed += f", ... {len(shorts) - MOST_OF_A_KIND} more"
         values = {"place": place_of(recording), "listed": listed}
-        told.append(str(Message(kind, values)))
+        told.append(Message(kind, values))
     return told
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Number
 from pathlib import Path
 
 from hopdata.errors import counted
@@ -17,9 +17,6 @@ LEAST_FILES = 3
 # Files that such a remark names.
 MOST_NAMED = 3
 
-# What may differ between remarks that are alike.
-_NUMBER = re.compile(r"\d+(\.\d+)?")
-
 
 @dataclass(frozen=True)
 class Remark:
@@ -30,35 +27,54 @@ class Remark:
     place
         File of the recording; what else names it has no folder to share.
     text
-        The remark, without the place.
+        The remark, which may begin with the place.
     """
 
     place: str
-    text: str
+    text: str | Message
 
     def __str__(self) -> str:
         if not self.place:
-            return self.text
-        return f"{self.place}: {self.text}"
+            return self.words
+        return f"{self.place}: {self.words}"
 
     @property
-    def _kind(self) -> tuple[Path, str]:
-        """Return what is the same in remarks that are alike."""
-        return Path(self.place).parent, _NUMBER.sub("#", self.text)
+    def words(self) -> str:
+        """The remark in words, without the place that these may begin with."""
+        return str(self.text).removeprefix(f"{self.place}: ")
 
-    @classmethod
-    def of(cls, place: str, text: str) -> Remark:
-        """Return a remark whose text may begin with the place."""
-        return cls(place, text.removeprefix(f"{place}: "))
+    @property
+    def _kind(self) -> tuple[Path, object]:
+        """Return what is the same in remarks that are alike."""
+        return Path(self.place).parent, _kind_of(self.text, self.place)
+
+
+def _kind_of(value: object, place: str) -> object:
+    """Return what is the same in values that are alike: all but numbers and files.
+
+    Words are alike if they are the same, and messages if their codes are and the values
+    that are neither numbers nor the remark's own file.
+    """
+    if isinstance(value, Message):
+        of_values = [
+            (name, _kind_of(one, place)) for name, one in sorted(value.values.items())
+        ]
+        return value.code, tuple(of_values)
+    if isinstance(value, Number):
+        return Number
+    text = str(value)
+    if text in (place, Path(place).name):
+        return Path
+    return text
 
 
 def told_together(remarks: Sequence[Remark]) -> list[str]:
     """Return remarks in words, with one for all files of a folder that it is true of.
 
-    Remarks that differ only in their numbers are alike; the numbers told are then those
-    of the first file.
+    Remarks that differ only in the numbers of their messages are alike; the numbers
+    told are then those of the first file.
     """
-    alike: dict[tuple[Path, str], list[Remark]] = {}
+    alike: dict[tuple[Path, object], list[Remark]] = {}
     for remark in remarks:
         alike.setdefault(remark._kind, []).append(remark)
     told = []
@@ -79,10 +95,10 @@ def _of_many(remarks: Sequence[Remark], places: Sequence[str]) -> str:
     folder = Path(places[0]).parent
     number = counted(len(places), "file")
     code = "commands.of_many_files"
-    if len({remark.text for remark in remarks}) > 1:
+    if len({remark.words for remark in remarks}) > 1:
         code = "commands.of_many_files_in_numbers"
     values = {
         "files": f"{number} of {folder} ({', '.join(names)})",
-        "text": remarks[0].text,
+        "text": remarks[0].words,
     }
     return str(Message(code, values))

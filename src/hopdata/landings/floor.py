@@ -292,12 +292,16 @@ def moving(recording: Recording) -> str:
 
     Empty if it does not move.
     """
+    return "; ".join(str(message) for message in moving_messages(recording))
+
+
+def moving_messages(recording: Recording) -> list[Message]:
+    """Return the messages of which `moving` makes a sentence."""
     rest = rest_points(recording)
     moved_s, moved_m = floor_motion(rest)
     rest.points[:, 2] -= np.interp(rest.time, moved_s, moved_m)
     rest = rest.take(_near_floor(rest, FIRST_BANDS * REST_BAND_M * recording.scale))
-    messages = [*motion_messages(moved_m), *turn_messages(rest)]
-    return "; ".join(message.text() for message in messages)
+    return [*motion_messages(moved_m), *turn_messages(rest)]
 
 
 @one_blas_thread()
