@@ -270,6 +270,21 @@ def test_a_scene_of_one_s_own_is_foretold_from_what_a_run_has_simulated(
     assert f"{kept} is older than study.yaml" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("there", "told"),
+    [
+        (0, ""),
+        (1, "2 of its 3 recordings are still to be simulated"),
+    ],
+)
+def test_recordings_that_are_still_to_be_simulated_are_counted(there, told):
+    """Without any, each line on a recording has told it."""
+    config = {"study": "trial", "recordings": [{}, {}, {}]}
+    line = check_module._conclusion("study.yaml", config, [object()] * there, [], 1)
+    assert told in line
+    assert ("can be run, but" in line) == bool(told)
+
+
 def test_the_command_that_simulates_a_scene_of_one_s_own_names_it(tmp_path):
     config = {
         "study": "s",
