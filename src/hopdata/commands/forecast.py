@@ -79,8 +79,8 @@ ENOUGH = 2.0
 
 #: Factor by which a study may allow for more than a part of it does. It may also allow
 #: for as little as `LEFT`.
-#: Unit: 1. Origin: chosen: of 14 simulated studies, 11 allowed at least for 0.83 to 1.34
-#: times what their parts did, and three for up to 1.4 or 1.5 times.
+#: Unit: 1. Origin: chosen: of 14 simulated studies, 11 allowed at least for 0.83 to
+#: 1.34 times what their parts did, and three for up to 1.4 or 1.5 times.
 ALLOWED_WITHIN = 1.3
 
 #: Factor, up and down, of the number of landings by the noise of a part alone.
