@@ -15,7 +15,9 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts.judged import frames_missing, is_odd
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.law import (
+    FRAMES_AFTER,
     FRAMES_BEFORE,
+    UNDETERMINED_S,
     WIDE_SEARCH_S,
     Laws,
     Trials,
@@ -48,7 +50,9 @@ def likelier_fits(trials: Trials, fits: KinkFits, laws: Laws) -> KinkFits:
     near = np.where(asked, earliest[rows] + WIDE_SEARCH_S, first.instant)
     other = some.fits(some.fits(near, laws, widely=True).instant, laws)
     apart_s = np.abs(other.instant - first.instant)
-    two_tops = asked & (apart_s > SAME_TOP_S) & (other.n_before >= FRAMES_BEFORE)
+    two_tops = asked & (apart_s > SAME_TOP_S) & _is_seen(some, other, laws)
+    # Before all that the first fit sees of the flight, another landing may lie.
+    two_tops &= apart_s < some.at(_windows_before(some))[:, None]
     if not two_tops.any():
         return fits
     of_other = np.where(two_tops, _share_of_other(some, first, other, laws), 0.0)
@@ -61,6 +65,18 @@ def likelier_fits(trials: Trials, fits: KinkFits, laws: Laws) -> KinkFits:
     moves = np.asarray(two_tops.any(axis=1))
     rows[rows] = moves
     return _with_rows(fits, taken(chosen, moves), rows)
+
+
+def _is_seen(trials: Trials, fits: KinkFits, laws: Laws) -> BoolArray:
+    """Mark the contacts (L, n) with frames on both sides that determine the instant."""
+    enough = (fits.n_before >= FRAMES_BEFORE) & (fits.n_after >= FRAMES_AFTER)
+    se = fits.unit_se * trials.at(noises(laws))[:, None]
+    return np.asarray(enough & (se < UNDETERMINED_S))
+
+
+def _windows_before(trials: Trials) -> FloatArray:
+    """Return how long before a contact each recording (R,) is looked at, s."""
+    return np.array([feet.windows_s[0] for feet in trials.feet])
 
 
 def _lack_frames(trials: Trials, instant: FloatArray) -> BoolArray:
