@@ -53,15 +53,28 @@ def test_the_variances_are_the_most_likely():
         variances = np.array([first, others])[KINDS]
         seen = rest @ (np.eye(N) + unit * variances @ unit.T) @ rest.T
         residuals = rest @ outcomes
-        noise = np.mean(residuals * np.linalg.solve(seen, residuals), axis=0)
+        noise = np.linalg.slogdet(residuals.T @ np.linalg.solve(seen, residuals))[1]
         determinant = np.linalg.slogdet(seen)[1]
-        return -0.5 * np.sum(len(seen) * np.log(noise) + determinant)
+        return -0.5 * (len(seen) * noise + residuals.shape[1] * determinant)
 
     pairs = [(a, b) for a in VARIANCES for b in VARIANCES]
     best = max(pairs, key=lambda pair: likelihood(*pair))
     np.testing.assert_array_equal(found.variances, np.array(best)[KINDS])
     assert 0.25 <= best[0] <= 4.0, "the first add 1"
     assert best[1] < 0.1, "and the others 0.01"
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_the_axes_of_the_outcomes_do_not_matter(seed):
+    """Nor an outcome that is a combination of others, or is not there."""
+    terms, fixed, outcomes = _study(seed, 1.0, 0.1)
+    rng = np.random.default_rng(seed)
+    mixed = outcomes / np.linalg.norm(outcomes, axis=0) @ rng.standard_normal((11, 11))
+    more = np.column_stack([outcomes, outcomes[:, 0], np.zeros(N)])
+    found = whitening(terms, KINDS, fixed, outcomes).variances
+    for other in (mixed, more):
+        variances = whitening(terms, KINDS, fixed, other).variances
+        np.testing.assert_array_equal(variances, found)
 
 
 @pytest.mark.parametrize("size", [0.0, 100.0])

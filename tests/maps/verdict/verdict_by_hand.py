@@ -929,7 +929,7 @@ class Likelihood:
         self.kinds = kinds
         self.cc = c.T @ c
         self.cy = c.T @ y
-        self.yy = np.sum(y**2, axis=0)
+        self.yy = y.T @ y
         self.free = len(columns) - q.shape[1]
         self.known = {}
 
@@ -945,9 +945,9 @@ class Likelihood:
         k = np.eye(len(d)) + d[:, None] * self.cc * d
         factor = np.linalg.cholesky(k)
         fitted = np.linalg.solve(factor, d[:, None] * self.cy)
-        left = self.yy - np.sum(fitted**2, axis=0)
+        left = np.linalg.slogdet(self.yy - fitted.T @ fitted)[1]
         log_det = 2 * np.sum(np.log(np.diag(factor)))
-        return -0.5 * np.sum(self.free * np.log(left) + log_det)
+        return -0.5 * (self.free * left + len(self.yy) * log_det)
 
 
 def moved(places, kind, by):

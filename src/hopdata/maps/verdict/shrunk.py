@@ -4,7 +4,8 @@ A study of a few hundred landings cannot determine all 120 third-order terms, an
 without them they are scatter. Their coefficients are therefore taken as random, normal
 with mean zero. Terms of one kind have one variance, relative to the noise of each
 outcome. The variances are those under which the outcomes are most likely (restricted
-maximum likelihood; Patterson and Thompson 1971). With many landings they determine
+maximum likelihood; Patterson and Thompson 1971). The noise has any covariance, so that
+they do not depend on the axes of the outcomes. With many landings they determine
 terms that matter as if these were free.
 
 The landings then have a covariance V = 1 + C C', where C (n, m) are the terms times the
@@ -92,9 +93,8 @@ class _Likelihood:
     products
         (m, m) products of the terms beside the fixed ones.
     with_outcomes
-        (m, q) their products with the outcomes.
-    squares
-        (q,) squared outcomes beside the fixed terms.
+        (m, q) their products with an orthonormal basis of the outcomes beside the fixed
+        terms, q of them if none is a combination of others.
     freedom
         Number of landings less that of fixed terms.
     kinds
@@ -103,7 +103,6 @@ class _Likelihood:
 
     products: FloatArray
     with_outcomes: FloatArray
-    squares: FloatArray
     freedom: int
     kinds: IntArray
 
@@ -120,8 +119,7 @@ class _Likelihood:
         outcomes_beside = outcomes - fixed @ (fixed.T @ outcomes)
         return cls(
             products=np.asarray(terms_beside.T @ terms_beside),
-            with_outcomes=np.asarray(terms_beside.T @ outcomes_beside),
-            squares=np.asarray(np.sum(outcomes_beside**2, axis=0)),
+            with_outcomes=np.asarray(terms_beside.T @ _basis(outcomes_beside)),
             freedom=len(terms) - fixed.shape[1],
             kinds=kinds,
         )
@@ -129,8 +127,8 @@ class _Likelihood:
     def logarithm(self, steps: IntArray) -> float:
         """Return the logarithm of the likelihood, but for a constant.
 
-        `steps` (kinds,) are numbers in `VARIANCES`. The noise of each outcome is the
-        one under which this outcome is most likely.
+        `steps` (kinds,) are numbers in `VARIANCES`. The covariance of the noise is the
+        one under which the outcomes are most likely.
         """
         from scipy.linalg import solve_triangular
 
@@ -139,13 +137,15 @@ class _Likelihood:
         inner[np.diag_indices_from(inner)] += 1.0
         triangle = np.linalg.cholesky(inner)
         shared = roots[:, None] * self.with_outcomes
-        explained = np.sum(solve_triangular(triangle, shared, lower=True) ** 2, axis=0)
+        part = solve_triangular(triangle, shared, lower=True)
         determinant = 2.0 * float(np.sum(np.log(np.diag(triangle))))
-        return self._logarithm_of(explained, determinant)
+        return self._logarithm_of(part.T @ part, determinant)
 
     def _logarithm_of(self, explained: FloatArray, determinant: float) -> float:
-        noise = np.log(self.squares - explained)
-        return -0.5 * float(np.sum(self.freedom * noise + determinant))
+        """Return it from what the terms explain (q, q) of the basis of the outcomes."""
+        n_outcomes = len(explained)
+        _, noise = np.linalg.slogdet(np.eye(n_outcomes) - explained)
+        return -0.5 * float(self.freedom * noise + n_outcomes * determinant)
 
     def best(self) -> FloatArray:
         """Return the most likely variance of each term (m,).
@@ -165,11 +165,11 @@ class _Likelihood:
     def _best_of_all_equal(self) -> int:
         """Return the most likely number in `VARIANCES` if all kinds share it."""
         eigenvalues, axes = np.linalg.eigh(self.products)
-        squares = (axes.T @ self.with_outcomes) ** 2
+        along = axes.T @ self.with_outcomes
         likelihoods = []
         for variance in VARIANCES:
             inner = 1.0 + variance * eigenvalues.clip(0.0)
-            explained = variance * np.sum(squares / inner[:, None], axis=0)
+            explained = variance * along.T @ (along / inner[:, None])
             determinant = float(np.sum(np.log(inner)))
             likelihoods.append(self._logarithm_of(explained, determinant))
         return int(np.argmax(likelihoods))
@@ -186,3 +186,11 @@ class _Likelihood:
                 steps = tried
                 most = likelihood
         return steps, most
+
+
+def _basis(outcomes: FloatArray) -> FloatArray:
+    """Return an orthonormal basis (n, r) of the outcomes, whatever their units."""
+    sizes = np.linalg.norm(outcomes, axis=0)
+    known = outcomes[:, sizes > 0.0] / sizes[sizes > 0.0]
+    basis, singular, _ = np.linalg.svd(known, full_matrices=False)
+    return np.asarray(basis[:, singular > FLAT * singular.max(initial=0.0)])
