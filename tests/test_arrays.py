@@ -57,7 +57,7 @@ TABLES = {
         "outcome_table",
         "section_frames",
     ),
-    *("judged", "overlay_external_truth", "true_rows", "verdict_errors"),
+    *("judged", "overlay_external_truth", "true_rows", "verdict_errors", "exact_table"),
     "study_landings",  # integrates landings one by one on demand
     *("save_film", "build_steering_report"),  # draw and write a page
     "shown_run",

@@ -89,13 +89,23 @@ def test_a_wider_window_remembers_what_the_nearest_landings_show(seed, monkeypat
 
 
 def test_a_larger_study_is_planned_by_the_nearest_landings():
-    """What it needs is less than by the pilot's window, and no less than it needs."""
-    pilot = _size(_study(1, 300, noise=1.0), 1)
-    assert pilot.least_allowed == pilot.allowed_nearest < 0.12 < pilot.allowed
-    needed = pilot.landings_needed(300, 0.2, 3)
-    assert needed < landings_needed(300, pilot.detectable, pilot.allowed, 0.2, 3) / 1.3
-    assert _size(_study(11, needed, noise=1.0), 2).detectable < 0.2
-    assert _size(_study(11, needed // 4, noise=1.0), 2).detectable > 0.2
+    """It needs less than by the pilot's window and, in the median, no more than planned."""
+    saved = []
+    of_planned = []
+    of_a_quarter = []
+    for seed in range(1, 6):
+        pilot = _size(_study(seed, 300, noise=1.0), 1)
+        assert pilot.least_allowed == pilot.allowed_nearest < 0.12 < pilot.allowed
+        needed = pilot.landings_needed(300, 0.2, 3)
+        of_window = landings_needed(300, pilot.detectable, pilot.allowed, 0.2, 3)
+        saved.append(of_window / needed)
+        other = 10 * seed + 1
+        of_planned.append(_size(_study(other, needed, noise=1.0), 2).detectable)
+        few = _size(_study(other, needed // 4, noise=1.0), 2)
+        of_a_quarter.append(few.detectable)
+    assert min(saved) > 1.0
+    assert np.median(saved) > 1.3
+    assert np.median(of_planned) < 0.2 < min(of_a_quarter)
 
 
 @pytest.mark.parametrize(
