@@ -152,7 +152,7 @@ def test_prefixes_that_are_no_numbers_of_subjects_are_asked_about(folder, capsys
     assert (
         "the group has 2 subjects, and an answer over subjects takes at least 3" in out
     )
-    assert "Note: The group has 2 subjects" in without_breaks("config/day.yaml")
+    assert "Note: the group has 2 subjects" in without_breaks("config/day.yaml")
     assert main(["check", "config/day.yaml"]) == 0
     checked = capsys.readouterr().out
     assert "note: the group has 2 subjects, and an answer over subjects" in checked
